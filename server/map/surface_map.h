@@ -1,0 +1,67 @@
+// What is remembered of one map's surface and free space, in that map's own frame M (W or L).
+#pragma once
+
+#include <openvdb/openvdb.h>
+
+#include <cstdint>
+#include <vector>
+
+#include "server/map/map_update.h"
+#include "server/map/voxel.h"
+
+namespace clearance {
+
+// Evidence for free space of one voxel. Packed in an Int32Grid so that other OpenVDB tools open it.
+struct FreeEvidence {
+  uint8_t confident = 0;  // frames that saw the whole cube empty (saturating)
+  uint8_t probable = 0;   // frames in which a ray passed through, all confident ones included
+  uint8_t contradicted = 0;  // consecutive frames that looked through the stored surface
+  uint8_t reserved = 0;
+
+  static FreeEvidence Unpack(int32_t packed);
+  int32_t Pack() const;
+};
+
+// Halo copy of a block for kernels that look at neighbours: 10^3 values, x slowest, index 0 is voxel -1.
+inline constexpr int kHaloSide = kBlockSide + 2;
+inline constexpr int kHaloVoxels = kHaloSide * kHaloSide * kHaloSide;
+inline constexpr int HaloOffset(int x, int y, int z) {  // -1..8 each
+  return ((x + 1) * kHaloSide + (y + 1)) * kHaloSide + (z + 1);
+}
+
+// Eq. (5)'s running mean and weight, and free-space evidence, as three OpenVDB grids with cell-centred
+// transforms. Not thread-safe: one writer, no readers meanwhile.
+class SurfaceMap {
+ public:
+  explicit SurfaceMap(double voxel_size_m);
+
+  double voxel_size_m() const { return voxel_size_m_; }
+
+  const openvdb::FloatGrid& mean() const { return *mean_; }
+  const openvdb::FloatGrid& weight() const { return *weight_; }
+  const openvdb::Int32Grid& evidence() const { return *evidence_; }
+
+  // Fuses the update: band by Eq. (5) with the weight capped, evidence counted, contradicted and
+  // released surface removed. Returns the blocks whose mean, weight or evidence changed, sorted.
+  // Deterministic for any number of threads.
+  std::vector<BlockIndex> Apply(const SurfaceUpdate& update, const FusionOptions& options);
+
+  // Direct reads of a block with a one-voxel halo; absent voxels have weight 0 and evidence 0.
+  void ReadBand(const BlockIndex& block, float mean[kHaloVoxels], float weight[kHaloVoxels]) const;
+  void ReadEvidence(const BlockIndex& block, int32_t evidence[kHaloVoxels]) const;
+  // Leaf buffers without halo (512 values) or nullptr where there is no leaf.
+  const float* MeanBlock(const BlockIndex& block) const;
+  const float* WeightBlock(const BlockIndex& block) const;
+
+  // Blocks that hold surface band (weight > 0 somewhere), sorted.
+  std::vector<BlockIndex> BandBlocks() const;
+
+  uint64_t MemoryBytes() const;
+
+ private:
+  double voxel_size_m_;
+  openvdb::FloatGrid::Ptr mean_, weight_;
+  openvdb::Int32Grid::Ptr evidence_;
+};
+
+}  // namespace clearance

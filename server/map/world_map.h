@@ -1,0 +1,71 @@
+// The mapping side of one map: the static surface and every object, before publication.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "server/map/map_config.h"
+#include "server/map/map_update.h"
+#include "server/map/object_submap.h"
+#include "server/map/surface_map.h"
+
+namespace clearance {
+
+// What one Apply changed; the field, the shapes and the meshes follow it.
+struct AppliedChanges {
+  std::vector<BlockIndex> static_blocks;  // sorted
+  struct Object {
+    ObjectId id;
+    std::vector<BlockIndex> blocks;  // of L, sorted
+    bool new_generation = false;
+  };
+  std::vector<Object> objects;  // by id
+};
+
+// A region edit: clear to unknown, mark free, mark occupied. Exactly one of box and sphere.
+struct RegionEdit {
+  enum class Action { kClearToUnknown, kMarkFree, kMarkOccupied };
+  Action action = Action::kClearToUnknown;
+  std::optional<Aabb> box;  // W
+  std::optional<Eigen::Vector3d> sphere_centre;
+  double sphere_radius_m = 0;
+};
+
+// R^0 and all R^j. Mutated only by Apply and Edit, on the mapping thread; no readers meanwhile.
+class WorldMap {
+ public:
+  explicit WorldMap(const MapConfig& config);
+
+  const MapConfig& config() const { return config_; }
+  const FusionOptions& fusion() const { return fusion_; }
+  const SurfaceMap& static_map() const { return static_map_; }
+  const std::map<ObjectId, ObjectSubmap>& objects() const { return objects_; }
+  // Earlier generations that are retired but still listed and exportable, oldest first.
+  const std::vector<ObjectSubmap>& retired() const { return retired_; }
+  int64_t stamp_ns() const { return stamp_ns_; }
+  // Newest frame id of a source, absent before its first frame; a motion without from_frame_id starts
+  // there.
+  std::optional<uint64_t> last_frame_id(const std::string& source_id) const;
+  uint64_t revision() const { return revision_; }
+  const std::vector<PoseStamp>& sensor_path() const { return sensor_path_; }
+
+  AppliedChanges Apply(const MapUpdate& update);
+  AppliedChanges Edit(const RegionEdit& edit);
+
+  uint64_t MemoryBytes() const;
+
+ private:
+  MapConfig config_;
+  FusionOptions fusion_;
+  SurfaceMap static_map_;
+  std::map<ObjectId, ObjectSubmap> objects_;
+  std::vector<ObjectSubmap> retired_;
+  std::map<std::string, uint64_t> last_frame_ids_;
+  std::vector<PoseStamp> sensor_path_;
+  int64_t stamp_ns_ = 0;
+  uint64_t revision_ = 0;
+};
+
+}  // namespace clearance
