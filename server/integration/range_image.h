@@ -10,29 +10,40 @@
 
 namespace clearance {
 
-// Pinhole depth (measure = z) or spherical range (measure = distance from the sensor), in the sensor
-// frame X. 0 = no return: no evidence. Immutable once built; safe to read from many threads.
+// Pinhole depth (measure = z) or spherical range (measure = distance from the sensor), in the
+// sensor frame X. 0 = no return: no evidence. Immutable once built; safe to read from many threads.
 class RangeImage {
  public:
   // Returns beyond max_range_m keep their measure for free space up to max_range_m, but carry no
   // surface (has_surface is false).
   static RangeImage FromDepth(const DepthImage& depth, double max_range_m);
-  // Pixels of `pixel_rad` over the cloud's field of view; the nearest return of a pixel wins.
+  // Pixels over the cloud's field of view, at least `pixel_rad` wide and no finer than the cloud's
+  // mean spacing, so that pixels between samples are rare; the nearest return of a pixel wins and
+  // brings its label (the first in the cloud, where several are equally near). Fields of view
+  // across
+  // +-180 deg start behind their widest gap; without a gap the image closes upon itself (wraps()).
   static RangeImage FromCloud(const PointCloud& cloud, double pixel_rad, double max_range_m);
 
   bool is_pinhole() const { return pinhole_; }
   int width() const { return width_; }
   int height() const { return height_; }
+  // Column width() - 1 and column 0 are neighbours (spherical, full circle).
+  bool wraps() const { return wraps_; }
 
-  // Where a point of X falls: continuous pixel coordinates (centres at integers) and the measure that a
-  // surface there would have. Absent behind the camera or outside the image.
+  // Where a point of X falls: continuous pixel coordinates (centres at integers) and the measure
+  // that a surface there would have. Absent behind the camera or outside the image; u and v round
+  // to a pixel.
   struct Projection {
     float u, v, measure;
   };
   std::optional<Projection> Project(const Eigen::Vector3f& p_X) const;
 
-  float measure(int u, int v) const { return measure_[v * width_ + u]; }
-  uint16_t label(int u, int v) const { return labels_.empty() ? 0 : labels_[v * width_ + u]; }
+  float measure(int u, int v) const { return measure_[Index(u, v)]; }
+  uint16_t label(int u, int v) const { return labels_.empty() ? 0 : labels_[Index(u, v)]; }
+  bool has_surface(int u, int v) const {
+    const float m = measure(u, v);
+    return m > 0.f && m <= static_cast<float>(max_range_m_);
+  }
   // Point of X measured by a pixel; undefined where measure is 0.
   Eigen::Vector3f Point(int u, int v) const;
   const std::vector<float>& measures() const { return measure_; }
@@ -40,15 +51,24 @@ class RangeImage {
   double max_range_m() const { return max_range_m_; }
   // Angle of one pixel at the image centre, rad.
   double pixel_rad() const { return pixel_rad_; }
+  // Pinhole intrinsics in pixels.
+  float fx() const { return fx_; }
+  float fy() const { return fy_; }
+  float cx() const { return cx_; }
+  float cy() const { return cy_; }
 
  private:
-  bool pinhole_ = true;
+  size_t Index(int u, int v) const { return static_cast<size_t>(v) * width_ + u; }
+
+  bool pinhole_ = true, wraps_ = false;
   int width_ = 0, height_ = 0;
-  float fx_ = 1, fy_ = 1, cx_ = 0, cy_ = 0;          // pinhole
-  float azimuth0_ = 0, elevation0_ = 0;              // spherical: of pixel (0, 0)
+  float fx_ = 1, fy_ = 1, cx_ = 0, cy_ = 0;  // pinhole
+  float azimuth0_ = 0, elevation0_ = 0;      // spherical: of pixel (0, 0); both grow with u and v
+  float azimuth_pixel_rad_ = 0;              // spherical: a full circle is a whole number of pixels
   double pixel_rad_ = 0, max_range_m_ = 0;
   std::vector<float> measure_;
   std::vector<uint16_t> labels_;
+  std::vector<Eigen::Vector3f> points_X_;  // spherical: the returns themselves
 };
 
 }  // namespace clearance
