@@ -16,6 +16,10 @@
 
 namespace clearance {
 
+// Appends to a path of bounded length: a full path loses every second pose, so that it still spans all.
+void AppendPose(std::vector<PoseStamp>& path, const PoseStamp& pose, size_t limit);
+inline constexpr size_t kMaxHistoryPoses = 1024;
+
 // The paper's R^j with its pose chain and life cycle. Moving it changes one pose and no voxel.
 // Not thread-safe: owned by the mapping thread.
 class ObjectSubmap {
@@ -43,10 +47,13 @@ class ObjectSubmap {
                                 const FusionOptions& options);
   // Life cycle by frame stamps: TRACKED -> COASTING -> LOST -> RETIRED.
   void Age(int64_t stamp_ns, bool observed, const MapConfig& config);
+  void Retire() { life_state_ = LifeState::kRetired; }
   // All but the shape, which the publisher derives from surface().
   ObjectView View(int64_t stamp_ns) const;
 
  private:
+  void SmoothMotion(int64_t stamp_ns);
+
   ObjectId id_;
   uint32_t generation_;
   std::string source_id_, class_name_;
@@ -55,6 +62,7 @@ class ObjectSubmap {
   std::optional<uint64_t> pose_frame_id_;
   int64_t pose_stamp_ns_ = 0;
   int64_t first_seen_ns_ = 0, last_seen_ns_ = 0;
+  int64_t pose_known_ns_ = 0;  // newest frame that told the pose
   uint64_t observations_ = 0;
   Screw screw_W_ = Screw::Zero();
   double position_sigma_m_ = 0, velocity_sigma_mps_ = 0;
@@ -64,7 +72,7 @@ class ObjectSubmap {
     Pose H_W;
   };
   std::deque<MotionSample> recent_motions_;
-  std::shared_ptr<std::vector<PoseStamp>> history_;
+  std::shared_ptr<const std::vector<PoseStamp>> history_;
   SurfaceMap surface_;
 };
 

@@ -4,12 +4,17 @@
 #include <openvdb/openvdb.h>
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
+#include "server/core/aabb.h"
 #include "server/map/map_update.h"
 #include "server/map/voxel.h"
 
 namespace clearance {
+
+// Counts of evidence stop here, so that wholly free blocks become alike and collapse to one tile.
+inline constexpr uint8_t kSaturatedFrames = 15;
 
 // Evidence for free space of one voxel. Packed in an Int32Grid so that other OpenVDB tools open it.
 struct FreeEvidence {
@@ -21,6 +26,8 @@ struct FreeEvidence {
   static FreeEvidence Unpack(int32_t packed);
   int32_t Pack() const;
 };
+
+enum class RegionAction { kClearToUnknown, kMarkFree, kMarkOccupied };
 
 // Halo copy of a block for kernels that look at neighbours: 10^3 values, x slowest, index 0 is voxel -1.
 inline constexpr int kHaloSide = kBlockSide + 2;
@@ -45,6 +52,13 @@ class SurfaceMap {
   // released surface removed. Returns the blocks whose mean, weight or evidence changed, sorted.
   // Deterministic for any number of threads.
   std::vector<BlockIndex> Apply(const SurfaceUpdate& update, const FusionOptions& options);
+
+  // Overwrites the voxels whose centres lie in `region`: kClearToUnknown forgets them, kMarkFree leaves
+  // saturated free evidence and no surface, kMarkOccupied writes `sdf` (metres, at voxel centres,
+  // clamped to the truncation, which pads the region) at full weight. Returns the changed blocks.
+  std::vector<BlockIndex> Edit(RegionAction action, const Aabb& region,
+                               const std::function<double(const Eigen::Vector3d&)>& sdf,
+                               double truncation_m, const FusionOptions& options);
 
   // Direct reads of a block with a one-voxel halo; absent voxels have weight 0 and evidence 0.
   void ReadBand(const BlockIndex& block, float mean[kHaloVoxels], float weight[kHaloVoxels]) const;

@@ -17,7 +17,7 @@ using VoxelIndex = Eigen::Vector3i;
 inline constexpr int kBlockSide = 8;
 inline constexpr int kBlockVoxels = kBlockSide * kBlockSide * kBlockSide;
 
-// Index of a block: voxel index / 8, rounded down. Ordered by z, then y, then x of the key, hashable.
+// Index of a block: voxel index / 8, rounded down. Ordered by x, then y, then z.
 struct BlockIndex {
   int32_t x = 0, y = 0, z = 0;
 

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,12 +27,14 @@ struct AppliedChanges {
 
 // A region edit: clear to unknown, mark free, mark occupied. Exactly one of box and sphere.
 struct RegionEdit {
-  enum class Action { kClearToUnknown, kMarkFree, kMarkOccupied };
-  Action action = Action::kClearToUnknown;
+  RegionAction action = RegionAction::kClearToUnknown;
   std::optional<Aabb> box;  // W
   std::optional<Eigen::Vector3d> sphere_centre;
   double sphere_radius_m = 0;
 };
+
+inline constexpr size_t kMaxRetiredObjects = 256;  // older ones are evicted
+inline constexpr size_t kMaxSensorPoses = 4096;
 
 // R^0 and all R^j. Mutated only by Apply and Edit, on the mapping thread; no readers meanwhile.
 class WorldMap {
@@ -57,6 +60,8 @@ class WorldMap {
   uint64_t MemoryBytes() const;
 
  private:
+  void Retire(ObjectSubmap& object);
+
   MapConfig config_;
   FusionOptions fusion_;
   SurfaceMap static_map_;
