@@ -23,7 +23,7 @@ void Attach(absl::Status& status, absl::string_view url, const Message& message)
 
 template <typename Message>
 std::optional<Message> Find(const absl::Status& status, absl::string_view url) {
-  const std::optional<absl::Cord> payload = status.GetPayload(url);
+  const auto payload = status.GetPayload(url);
   Message message;
   if (!payload || !message.ParseFromString(std::string(*payload))) return std::nullopt;
   return message;
