@@ -1,0 +1,54 @@
+// What one map computes, as the mapping thread sees it: the engine runs it and knows nothing of
+// how.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "server/core/frame.h"
+#include "server/map/map_view.h"
+#include "server/map/world_map.h"
+
+namespace clearance {
+
+// Durations of the steps of one frame, milliseconds, in the order in which they ran.
+using StageTimes = std::vector<std::pair<std::string, double>>;
+
+// Sizes for people and metrics; taken now and then, not for every revision.
+struct MapSizes {
+  uint64_t memory_bytes = 0;
+  uint64_t static_voxels = 0;  // that hold surface
+  uint64_t field_blocks = 0;
+  std::optional<Aabb> observed_W;  // what was observed, free space included
+};
+
+// Not thread-safe: every call comes from the mapping thread.
+class MapModel {
+ public:
+  virtual ~MapModel() = default;
+
+  struct Integrated {
+    std::vector<Violation> violations;  // refused object motions; the frame counts
+    StageTimes stages;
+  };
+  // Integrates and applies one frame; the next View shows it. INVALID_ARGUMENT: nothing changed.
+  virtual absl::StatusOr<Integrated> Integrate(const Frame& frame) = 0;
+
+  struct Edited {
+    uint64_t changed_voxels = 0;
+  };
+  virtual absl::StatusOr<Edited> Edit(const RegionEdit& edit) = 0;
+
+  // The state now. The engine fills in epoch and published_at.
+  virtual MapView View() = 0;
+  virtual MapSizes Sizes() = 0;
+};
+
+using MapModelFactory = std::function<std::unique_ptr<MapModel>(const MapConfig&)>;
+
+}  // namespace clearance
