@@ -1,0 +1,120 @@
+#include "server/integration/frame_integrator.h"
+
+#include <algorithm>
+#include <map>
+#include <utility>
+
+#include "server/integration/claimed_space.h"
+#include "server/integration/label_split.h"
+#include "server/integration/object_motion.h"
+
+namespace clearance {
+namespace {
+
+RangeImage MakeRangeImage(const Frame& frame, double max_range_m, double voxel_size_m) {
+  if (const auto* depth = std::get_if<DepthImage>(&frame.observation)) {
+    return RangeImage::FromDepth(*depth, max_range_m);
+  }
+  // Half a voxel at the longest range: finer pixels would say the same thing more often.
+  return RangeImage::FromCloud(std::get<PointCloud>(frame.observation),
+                               0.5 * voxel_size_m / max_range_m, max_range_m);
+}
+
+void Append(std::vector<ReleasedBlock>& all, const std::vector<ReleasedBlock>& more) {
+  if (more.empty()) return;
+  std::map<BlockIndex, BlockMask> merged;
+  for (const std::vector<ReleasedBlock>* part : {&std::as_const(all), &more}) {
+    for (const ReleasedBlock& r : *part) {
+      BlockMask& mask = merged[r.block];
+      for (size_t w = 0; w < mask.size(); ++w) mask[w] |= r.voxels[w];
+    }
+  }
+  all.clear();
+  for (const auto& [block, voxels] : merged) all.push_back({block, voxels});
+}
+
+// Points were clipped already; free evidence outside the map's bounds goes here.
+void ClipToBounds(std::vector<FreeBlock>& free, const Aabb& bounds, double h) {
+  std::erase_if(free, [&](FreeBlock& f) {
+    const Eigen::Vector3d low = BlockOrigin(f.block, h);
+    const Aabb box(low, low + Eigen::Vector3d::Constant(kBlockSide * h));
+    if (bounds.contains(box)) return false;
+    if (!bounds.intersects(box)) return true;
+    BlockMask inside{};
+    for (int o = 0; o < kBlockVoxels; ++o) {
+      if (bounds.contains(VoxelCentre(VoxelAt(f.block, o), h))) Set(inside, o);
+    }
+    for (size_t w = 0; w < inside.size(); ++w) {
+      f.confident[w] &= inside[w];
+      f.probable[w] &= inside[w];
+      f.contradicted[w] &= inside[w];
+    }
+    return f.probable == BlockMask{} && f.contradicted == BlockMask{};
+  });
+}
+
+}  // namespace
+
+IntegratorOptions IntegratorOptions::For(const MapConfig& config) {
+  IntegratorOptions options;
+  options.band.truncation_m = config.truncation();
+  options.free_space.voxel_size_m = config.voxel_size_m;
+  options.free_space.max_range_m = config.max_range_m;
+  return options;
+}
+
+absl::StatusOr<MapUpdate> FrameIntegrator::Integrate(const Frame& frame,
+                                                     const WorldMap& map) const {
+  if (absl::Status s = ValidateFrame(frame); !s.ok()) return s;
+  const MapConfig& config = map.config();
+  const double max_range_m =
+      frame.max_range_m > 0 ? std::min(frame.max_range_m, config.max_range_m) : config.max_range_m;
+  MapUpdate update;
+  update.source_id = frame.source_id;
+  update.frame_id = frame.frame_id;
+  update.stamp_ns = frame.stamp_ns;
+  update.T_W_X = frame.T_W_X;
+
+  // Alg. 1: split by label; static cloud to R^0.
+  LabelSplit split = SplitByLabel(frame, max_range_m, config.bounds);
+  std::vector<ObjectTask> tasks =
+      FollowObjects(frame, split.points_X, std::move(split.object_points),
+                    options_.min_object_points, map, update.violations);
+  if (split.points_X.cols() > 0) {
+    const RangeImage image = MakeRangeImage(frame, max_range_m, config.voxel_size_m);
+    const LocalVoxels static_voxels =
+        GatherVoxels(split.points_X, split.static_points, frame.T_W_X, config.voxel_size_m);
+    update.static_surface.band = ObserveBand(static_voxels, image, frame.T_W_X, kStaticWorld,
+                                             map.static_map(), options_.band);
+    // Free voxels of every cloud go to R^0, never an object's distances.
+    FreeSpaceOptions free_space = options_.free_space;
+    free_space.max_range_m = max_range_m;
+    update.static_surface.free = ObserveFreeSpace(image, frame.T_W_X, map.static_map(), free_space);
+    if (config.bounds) {
+      ClipToBounds(update.static_surface.free, *config.bounds, config.voxel_size_m);
+    }
+
+    // Each object in its own frame: points to L first, voxels and band there, surface to R^j.
+    for (ObjectTask& task : tasks) {
+      if (task.points.empty()) continue;
+      const LocalVoxels claimed =
+          GatherVoxels(split.points_X, task.points, frame.T_W_X, config.voxel_size_m);
+      Append(update.static_surface.released,
+             ReleaseClaimed(claimed, static_voxels, map.static_map()));
+      if (!task.integrate) continue;
+      const Pose T_L_X = task.update.T_W_L.inverse() * frame.T_W_X;
+      const LocalVoxels voxels =
+          GatherVoxels(split.points_X, task.points, T_L_X, config.voxel_size_m);
+      const auto known = map.objects().find(task.update.id);
+      const bool fresh = known == map.objects().end() || task.update.event == ObjectEvent::kCreated;
+      const SurfaceMap nothing(config.voxel_size_m);
+      task.update.surface.band =
+          ObserveBand(voxels, image, T_L_X, task.update.id,
+                      fresh ? nothing : known->second.surface(), options_.band);
+    }
+  }
+  for (ObjectTask& task : tasks) update.objects.push_back(std::move(task.update));
+  return update;
+}
+
+}  // namespace clearance

@@ -29,10 +29,12 @@ absl::Status MapConfig::Validate() const {
       return s;
     }
   }
-  // Voxel indices are 32 bit and poses may be far out; a single frame must not span the index range.
+  // Voxel indices are 32 bit and poses may be far out; a single frame must not span the index
+  // range.
   if (auto s = InRange("max_range_m", max_range_m, voxel_size_m, 1000); !s.ok()) return s;
   if (auto s = InRange("object_lost_after_s", object_lost_after_s, 0, 1e6); !s.ok()) return s;
-  if (auto s = InRange("object_retired_after_s", object_retired_after_s, 10, 1e6); !s.ok()) return s;
+  if (auto s = InRange("object_retired_after_s", object_retired_after_s, 10, 1e6); !s.ok())
+    return s;
   if (object_retired_after_s < object_lost_after_s) {
     return absl::InvalidArgumentError(absl::StrFormat(
         "object_retired_after_s is %g; must not be less than object_lost_after_s %g",

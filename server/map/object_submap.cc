@@ -6,8 +6,8 @@
 namespace clearance {
 namespace {
 
-// Motions of the last moments are averaged: annotation and tracking jitter by centimetres a frame, and
-// a planner extrapolates the twist over seconds.
+// Motions of the last moments are averaged: annotation and tracking jitter by centimetres a frame,
+// and a planner extrapolates the twist over seconds.
 constexpr double kTwistWindow_s = 0.6;
 constexpr size_t kTwistSamples = 12;
 // Without a second motion there is nothing to judge a velocity by.

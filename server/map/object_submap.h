@@ -16,7 +16,8 @@
 
 namespace clearance {
 
-// Appends to a path of bounded length: a full path loses every second pose, so that it still spans all.
+// Appends to a path of bounded length: a full path loses every second pose, so that it still spans
+// all.
 void AppendPose(std::vector<PoseStamp>& path, const PoseStamp& pose, size_t limit);
 inline constexpr size_t kMaxHistoryPoses = 1024;
 
@@ -42,7 +43,8 @@ class ObjectSubmap {
   // Pose at a later stamp at constant screw.
   Pose CoastedTo(int64_t stamp_ns) const;
 
-  // Applies this frame's update. Returns the blocks of L whose surface changed (empty on pure motion).
+  // Applies this frame's update. Returns the blocks of L whose surface changed (empty on pure
+  // motion).
   std::vector<BlockIndex> Apply(const ObjectUpdate& update, const MapUpdate& frame,
                                 const FusionOptions& options);
   // Life cycle by frame stamps: TRACKED -> COASTING -> LOST -> RETIRED.

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "server/map/free_evidence.h"
+#include "server/map/surface_grids.h"
 
 namespace clearance {
 namespace {
@@ -99,15 +100,15 @@ class BlockFuser {
         e.probable = Increment(e.probable);
         if (Test(w.free->confident, o)) e.confident = Increment(e.confident);
         evidence_[o] = e.Pack();
-        w.changed |= IsFree(e) != was_free ||
-                     (e.confident >= FreeRules{}.min_confident_frames) != was_sure;
+        w.changed |=
+            IsFree(e) != was_free || (e.confident >= FreeRules{}.min_confident_frames) != was_sure;
       });
     }
     if (w.weight) ForEach(w.free->contradicted, [&](int o) { Contradict(w, o); });
   }
 
-  // Surface that rays went through fades fast: at once when it was seen little, in the second frame in
-  // a row however often it was seen before.
+  // Surface that rays went through fades fast: at once when it was seen little, in the second frame
+  // in a row however often it was seen before.
   void Contradict(BlockWork& w, int o) const {
     if (weight_[o] == 0) return;
     FreeEvidence e = FreeEvidence::Unpack(evidence_[o]);
@@ -205,26 +206,30 @@ int32_t FreeEvidence::Pack() const {
 }
 
 SurfaceMap::SurfaceMap(double voxel_size_m)
-    : voxel_size_m_(voxel_size_m),
-      mean_(openvdb::FloatGrid::create(0.f)),
-      weight_(openvdb::FloatGrid::create(0.f)),
-      evidence_(openvdb::Int32Grid::create(0)) {
-  mean_->setName("mean_m");
-  weight_->setName("weight");
-  evidence_->setName("free_evidence");
-  for (openvdb::GridBase::Ptr g :
-       {openvdb::GridBase::Ptr(mean_), openvdb::GridBase::Ptr(weight_),
-        openvdb::GridBase::Ptr(evidence_)}) {
+    : voxel_size_m_(voxel_size_m), grids_(std::make_unique<SurfaceGrids>()) {
+  grids_->mean = openvdb::FloatGrid::create(0.f);
+  grids_->weight = openvdb::FloatGrid::create(0.f);
+  grids_->evidence = openvdb::Int32Grid::create(0);
+  grids_->mean->setName("mean_m");
+  grids_->weight->setName("weight");
+  grids_->evidence->setName("free_evidence");
+  for (openvdb::GridBase::Ptr g : {openvdb::GridBase::Ptr(grids_->mean),
+                                   openvdb::GridBase::Ptr(grids_->weight),
+                                   openvdb::GridBase::Ptr(grids_->evidence)}) {
     g->setTransform(CellCentred(voxel_size_m));
   }
 }
+
+SurfaceMap::SurfaceMap(SurfaceMap&&) noexcept = default;
+SurfaceMap& SurfaceMap::operator=(SurfaceMap&&) noexcept = default;
+SurfaceMap::~SurfaceMap() = default;
 
 std::vector<BlockIndex> SurfaceMap::Apply(const SurfaceUpdate& update,
                                           const FusionOptions& options) {
   std::vector<BlockWork> work = GatherWork(update);
   // Topology first, by one thread; then every block on its own.
-  openvdb::tree::ValueAccessor<openvdb::FloatTree> means(mean_->tree()), weights(weight_->tree());
-  openvdb::tree::ValueAccessor<openvdb::Int32Tree> evidences(evidence_->tree());
+  openvdb::tree::ValueAccessor<openvdb::FloatTree> means(grids_->mean->tree()), weights(grids_->weight->tree());
+  openvdb::tree::ValueAccessor<openvdb::Int32Tree> evidences(grids_->evidence->tree());
   constexpr FreeEvidence kSaturated{kSaturatedFrames, kSaturatedFrames, 0, 0};
   for (BlockWork& w : work) {
     const openvdb::Coord ijk = CoordOf(w.block);
@@ -265,8 +270,8 @@ std::vector<BlockIndex> SurfaceMap::Edit(RegionAction action, const Aabb& region
   const VoxelIndex low = VoxelOf(region.min() - padding, voxel_size_m_);
   const VoxelIndex high = VoxelOf(region.max() + padding, voxel_size_m_);
   const BlockIndex first = BlockOf(low), last = BlockOf(high);
-  openvdb::tree::ValueAccessor<openvdb::FloatTree> means(mean_->tree()), weights(weight_->tree());
-  openvdb::tree::ValueAccessor<openvdb::Int32Tree> evidences(evidence_->tree());
+  openvdb::tree::ValueAccessor<openvdb::FloatTree> means(grids_->mean->tree()), weights(grids_->weight->tree());
+  openvdb::tree::ValueAccessor<openvdb::Int32Tree> evidences(grids_->evidence->tree());
   constexpr FreeEvidence kSaturated{kSaturatedFrames, kSaturatedFrames, 0, 0};
   std::vector<BlockIndex> changed;
   for (int x = first.x; x <= last.x; ++x) {
@@ -305,25 +310,25 @@ std::vector<BlockIndex> SurfaceMap::Edit(RegionAction action, const Aabb& region
 
 void SurfaceMap::ReadBand(const BlockIndex& block, float mean[kHaloVoxels],
                           float weight[kHaloVoxels]) const {
-  ReadHalo(mean_->constTree(), block, mean);
-  ReadHalo(weight_->constTree(), block, weight);
+  ReadHalo(grids_->mean->constTree(), block, mean);
+  ReadHalo(grids_->weight->constTree(), block, weight);
 }
 
 void SurfaceMap::ReadEvidence(const BlockIndex& block, int32_t evidence[kHaloVoxels]) const {
-  ReadHalo(evidence_->constTree(), block, evidence);
+  ReadHalo(grids_->evidence->constTree(), block, evidence);
 }
 
 const float* SurfaceMap::MeanBlock(const BlockIndex& block) const {
-  return LeafData(mean_->constTree(), block);
+  return LeafData(grids_->mean->constTree(), block);
 }
 
 const float* SurfaceMap::WeightBlock(const BlockIndex& block) const {
-  return LeafData(weight_->constTree(), block);
+  return LeafData(grids_->weight->constTree(), block);
 }
 
 std::vector<BlockIndex> SurfaceMap::BandBlocks() const {
   std::vector<BlockIndex> blocks;
-  for (auto leaf = weight_->tree().cbeginLeaf(); leaf; ++leaf) {
+  for (auto leaf = grids_->weight->tree().cbeginLeaf(); leaf; ++leaf) {
     if (leaf->isEmpty()) continue;
     const openvdb::Coord c = leaf->origin();
     blocks.push_back({c.x() >> 3, c.y() >> 3, c.z() >> 3});
@@ -333,7 +338,7 @@ std::vector<BlockIndex> SurfaceMap::BandBlocks() const {
 }
 
 uint64_t SurfaceMap::MemoryBytes() const {
-  return mean_->memUsage() + weight_->memUsage() + evidence_->memUsage();
+  return grids_->mean->memUsage() + grids_->weight->memUsage() + grids_->evidence->memUsage();
 }
 
 }  // namespace clearance

@@ -1,10 +1,9 @@
 // What is remembered of one map's surface and free space, in that map's own frame M (W or L).
 #pragma once
 
-#include <openvdb/openvdb.h>
-
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "server/core/aabb.h"
@@ -18,8 +17,8 @@ inline constexpr uint8_t kSaturatedFrames = 15;
 
 // Evidence for free space of one voxel. Packed in an Int32Grid so that other OpenVDB tools open it.
 struct FreeEvidence {
-  uint8_t confident = 0;  // frames that saw the whole cube empty (saturating)
-  uint8_t probable = 0;   // frames in which a ray passed through, all confident ones included
+  uint8_t confident = 0;     // frames that saw the whole cube empty (saturating)
+  uint8_t probable = 0;      // frames in which a ray passed through, all confident ones included
   uint8_t contradicted = 0;  // consecutive frames that looked through the stored surface
   uint8_t reserved = 0;
 
@@ -29,33 +28,40 @@ struct FreeEvidence {
 
 enum class RegionAction { kClearToUnknown, kMarkFree, kMarkOccupied };
 
-// Halo copy of a block for kernels that look at neighbours: 10^3 values, x slowest, index 0 is voxel -1.
+// Halo copy of a block for kernels that look at neighbours: 10^3 values, x slowest, index 0 is
+// voxel -1.
 inline constexpr int kHaloSide = kBlockSide + 2;
 inline constexpr int kHaloVoxels = kHaloSide * kHaloSide * kHaloSide;
 inline constexpr int HaloOffset(int x, int y, int z) {  // -1..8 each
   return ((x + 1) * kHaloSide + (y + 1)) * kHaloSide + (z + 1);
 }
 
-// Eq. (5)'s running mean and weight, and free-space evidence, as three OpenVDB grids with cell-centred
-// transforms. Not thread-safe: one writer, no readers meanwhile.
+// OpenVDB's headers are heavy: only surface_map.cc and exporters see them.
+struct SurfaceGrids;
+
+// Eq. (5)'s running mean and weight, and free-space evidence, as three OpenVDB grids with
+// cell-centred transforms. Not thread-safe: one writer, no readers meanwhile.
 class SurfaceMap {
  public:
   explicit SurfaceMap(double voxel_size_m);
+  SurfaceMap(SurfaceMap&&) noexcept;
+  SurfaceMap& operator=(SurfaceMap&&) noexcept;
+  ~SurfaceMap();
 
   double voxel_size_m() const { return voxel_size_m_; }
 
-  const openvdb::FloatGrid& mean() const { return *mean_; }
-  const openvdb::FloatGrid& weight() const { return *weight_; }
-  const openvdb::Int32Grid& evidence() const { return *evidence_; }
+  // The OpenVDB grids themselves, for export; include server/map/surface_grids.h.
+  const SurfaceGrids& grids() const { return *grids_; }
 
   // Fuses the update: band by Eq. (5) with the weight capped, evidence counted, contradicted and
   // released surface removed. Returns the blocks whose mean, weight or evidence changed, sorted.
   // Deterministic for any number of threads.
   std::vector<BlockIndex> Apply(const SurfaceUpdate& update, const FusionOptions& options);
 
-  // Overwrites the voxels whose centres lie in `region`: kClearToUnknown forgets them, kMarkFree leaves
-  // saturated free evidence and no surface, kMarkOccupied writes `sdf` (metres, at voxel centres,
-  // clamped to the truncation, which pads the region) at full weight. Returns the changed blocks.
+  // Overwrites the voxels whose centres lie in `region`: kClearToUnknown forgets them, kMarkFree
+  // leaves saturated free evidence and no surface, kMarkOccupied writes `sdf` (metres, at voxel
+  // centres, clamped to the truncation, which pads the region) at full weight. Returns the changed
+  // blocks.
   std::vector<BlockIndex> Edit(RegionAction action, const Aabb& region,
                                const std::function<double(const Eigen::Vector3d&)>& sdf,
                                double truncation_m, const FusionOptions& options);
@@ -74,8 +80,7 @@ class SurfaceMap {
 
  private:
   double voxel_size_m_;
-  openvdb::FloatGrid::Ptr mean_, weight_;
-  openvdb::Int32Grid::Ptr evidence_;
+  std::unique_ptr<SurfaceGrids> grids_;
 };
 
 }  // namespace clearance

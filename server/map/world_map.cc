@@ -31,9 +31,10 @@ AppliedChanges WorldMap::Apply(const MapUpdate& update) {
           if (old.id() == u.id) generation = std::max(generation, old.generation() + 1);
         }
       }
-      it = objects_
-               .emplace(u.id, ObjectSubmap(u.id, generation, config_.voxel_size_m, update.source_id))
-               .first;
+      it =
+          objects_
+              .emplace(u.id, ObjectSubmap(u.id, generation, config_.voxel_size_m, update.source_id))
+              .first;
     } else if (it == objects_.end()) {
       continue;
     }

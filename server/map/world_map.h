@@ -48,8 +48,8 @@ class WorldMap {
   // Earlier generations that are retired but still listed and exportable, oldest first.
   const std::vector<ObjectSubmap>& retired() const { return retired_; }
   int64_t stamp_ns() const { return stamp_ns_; }
-  // Newest frame id of a source, absent before its first frame; a motion without from_frame_id starts
-  // there.
+  // Newest frame id of a source, absent before its first frame; a motion without from_frame_id
+  // starts there.
   std::optional<uint64_t> last_frame_id(const std::string& source_id) const;
   uint64_t revision() const { return revision_; }
   const std::vector<PoseStamp>& sensor_path() const { return sensor_path_; }
