@@ -5,6 +5,7 @@
 #include <concepts>
 #include <cstdint>
 #include <cstring>
+#include <initializer_list>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -48,6 +49,11 @@ std::string EncodeArray(absl::Span<const T> values) {
 template <typename T>
 std::string EncodeArray(const std::vector<T>& values) {
   return EncodeArray(absl::Span<const T>(values));
+}
+
+template <typename T>
+std::string EncodeArray(std::initializer_list<T> values) {
+  return EncodeArray(absl::Span<const T>(values.begin(), values.size()));
 }
 
 }  // namespace clearance::wire
