@@ -1,0 +1,132 @@
+#include "server/query/static_lookup.h"
+
+#include <array>
+#include <cmath>
+#include <cstring>
+
+#include "server/query/corner_blend.h"
+
+namespace clearance {
+namespace {
+
+// Voxels without a site, by the attribute bits 0-2 that a tile holds: a pointer to a voxel always has
+// something to point at.
+constexpr std::array<FieldVoxel, 8> kAbsent = [] {
+  std::array<FieldVoxel, 8> voxels{};
+  for (uint16_t state = 0; state < 8; ++state) voxels[state].attributes = state;
+  return voxels;
+}();
+
+const FieldVoxel* VoxelIn(const DistanceField::Region* region, int block, int offset) {
+  if (region == nullptr) return &kAbsent[0];
+  const FieldBlock* data = region->blocks[block].get();
+  if (data != nullptr) return &data->voxels[offset];
+  const uint8_t tile = region->tiles[block];
+  return &kAbsent[tile == DistanceField::kNoTile ? 0 : tile & 7];
+}
+
+// The cell of voxel centres that holds a point, on its way through the stages.
+struct Cell {
+  VoxelIndex low;     // voxel of corner 0
+  float fraction[3];  // of the point, from corner 0, in voxels
+  int own;            // corner of the point's own voxel
+  bool one_block;     // all corners in the block of corner 0
+  const DistanceField::Region* region;  // of corner 0
+  const FieldVoxel* first;              // with one_block: corner 0, or absent and not `data`
+  bool data;
+};
+
+constexpr int kCornerOffset[8] = {0, 1, 8, 9, 64, 65, 72, 73};
+
+Cell CellOf(const Eigen::Vector3d& point_W, double voxel_size_m) {
+  Cell cell;
+  cell.own = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double u = point_W[axis] / voxel_size_m - 0.5;
+    const double low = std::floor(u);
+    cell.low[axis] = static_cast<int>(low);
+    cell.fraction[axis] = static_cast<float>(u - low);
+    cell.own = cell.own * 2 + (u - low >= 0.5 ? 1 : 0);
+  }
+  cell.one_block = (cell.low.x() & 7) != 7 && (cell.low.y() & 7) != 7 && (cell.low.z() & 7) != 7;
+  return cell;
+}
+
+BlockIndex RegionOf(const BlockIndex& block) { return {block.x >> 3, block.y >> 3, block.z >> 3}; }
+
+void GatherOneBlock(const Cell& cell, FieldVoxel corners[8]) {
+  if (!cell.data) {
+    for (int k = 0; k < 8; ++k) corners[k] = *cell.first;
+    return;
+  }
+  for (int row = 0; row < 4; ++row) {
+    std::memcpy(&corners[2 * row], cell.first + kCornerOffset[2 * row], 2 * sizeof(FieldVoxel));
+  }
+}
+
+}  // namespace
+
+StaticLookup::StaticLookup(const DistanceField& field)
+    : field_(field), limit_m_((1 << 30) * field.voxel_size_m()) {}
+
+bool StaticLookup::IsAddressable(const Eigen::Vector3d& point_W) const {
+  // Written so that NaN fails.
+  return std::abs(point_W.x()) < limit_m_ && std::abs(point_W.y()) < limit_m_ &&
+         std::abs(point_W.z()) < limit_m_;
+}
+
+const DistanceField::Region* StaticLookup::FindRegion(const BlockIndex& region) {
+  if (!cached_ || cached_key_ != region) {
+    cached_region_ = field_.FindRegion(region);
+    cached_key_ = region;
+    cached_ = true;
+  }
+  return cached_region_;
+}
+
+void StaticLookup::Answer(const Eigen::Vector3d* points_W, int count, StaticAnswer* answers) {
+  // Three dependent reads lie between a point and its voxels (region, block pointer, voxels): each
+  // stage asks for the memory of the next for the whole group.
+  Cell cells[kLookupGroup];
+  for (int i = 0; i < count; ++i) {
+    Cell& cell = cells[i];
+    cell = CellOf(points_W[i], field_.voxel_size_m());
+    const BlockIndex block = BlockOf(cell.low);
+    cell.region = FindRegion(RegionOf(block));
+    if (cell.region != nullptr) {
+      __builtin_prefetch(&cell.region->blocks[DistanceField::RegionOffset(block)]);
+    }
+  }
+  for (int i = 0; i < count; ++i) {
+    Cell& cell = cells[i];
+    const int block = DistanceField::RegionOffset(BlockOf(cell.low));
+    cell.first = VoxelIn(cell.region, block, OffsetOf(cell.low));
+    cell.data = cell.region != nullptr && cell.region->blocks[block] != nullptr;
+    if (!cell.data) continue;
+    __builtin_prefetch(cell.first);
+    if (cell.one_block) {
+      __builtin_prefetch(cell.first + 8);
+      __builtin_prefetch(cell.first + 64);
+      __builtin_prefetch(cell.first + 72);
+    }
+  }
+  for (int i = 0; i < count; ++i) {
+    const Cell& cell = cells[i];
+    FieldVoxel corners[8];
+    if (cell.one_block) {
+      GatherOneBlock(cell, corners);
+    } else {
+      corners[0] = *cell.first;
+      for (int k = 1; k < 8; ++k) {
+        const VoxelIndex voxel = cell.low + VoxelIndex(k >> 2, (k >> 1) & 1, k & 1);
+        const BlockIndex block = BlockOf(voxel);
+        corners[k] = *VoxelIn(FindRegion(RegionOf(block)), DistanceField::RegionOffset(block),
+                              OffsetOf(voxel));
+      }
+    }
+    BlendCorners(corners, cell.fraction, &answers[i]);
+    answers[i].state = corners[cell.own].attributes & 7;
+  }
+}
+
+}  // namespace clearance
