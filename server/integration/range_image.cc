@@ -206,6 +206,30 @@ std::optional<RangeImage::Projection> RangeImage::Project(const Eigen::Vector3f&
   return at;
 }
 
+RangeImage::EightProjections RangeImage::ProjectEight(const Eigen::Vector3f& first_X,
+                                                      const Eigen::Vector3f& step_X) const {
+  EightProjections out;
+  const float per_u = 1.f / azimuth_pixel_rad_, per_v = 1.f / static_cast<float>(pixel_rad_);
+  const float half = 0.5f * azimuth_pixel_rad_;
+  float u[8], v[8];
+  for (int k = 0; k < 8; ++k) {
+    const float t = static_cast<float>(k);
+    const Direction d = DirectionOf(Eigen::Vector3f(
+        first_X.x() + t * step_X.x(), first_X.y() + t * step_X.y(), first_X.z() + t * step_X.z()));
+    u[k] = Unwrap(d.azimuth, azimuth0_ - half) * per_u;
+    v[k] = (d.elevation - elevation0_) * per_v + 0.5f;
+    out.measure[k] = d.range_m;
+  }
+  for (int k = 0; k < 8; ++k) {
+    const bool inside = (u[k] >= 0.f) & (v[k] >= 0.f) & (u[k] < static_cast<float>(width_)) &
+                        (v[k] < static_cast<float>(height_)) & (out.measure[k] > 0.f);
+    out.inside[k] = inside;
+    out.u[k] = inside ? static_cast<int>(u[k]) : 0;
+    out.v[k] = inside ? static_cast<int>(v[k]) : 0;
+  }
+  return out;
+}
+
 Eigen::Vector3f RangeImage::Point(int u, int v) const {
   if (!pinhole_) return points_X_[Index(u, v)];
   const float z = measure(u, v);

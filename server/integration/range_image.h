@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -37,6 +38,16 @@ class RangeImage {
     float u, v, measure;
   };
   std::optional<Projection> Project(const Eigen::Vector3f& p_X) const;
+
+  // Project for eight points on a line, spherical images only; false where it would be absent, and
+  // pixel (0, 0) stands in for them.
+  struct EightProjections {
+    std::array<int, 8> u, v;
+    std::array<float, 8> measure;
+    std::array<bool, 8> inside;
+  };
+  EightProjections ProjectEight(const Eigen::Vector3f& first_X,
+                                const Eigen::Vector3f& step_X) const;
 
   float measure(int u, int v) const { return measure_[Index(u, v)]; }
   uint16_t label(int u, int v) const { return labels_.empty() ? 0 : labels_[Index(u, v)]; }

@@ -1,0 +1,168 @@
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "server/integration/free_space_parts.h"
+#include "server/integration/range_pyramid.h"
+#include "server/integration/ray_counts.h"
+#include "server/integration/spherical_view.h"
+#include "server/integration/stored_surface.h"
+
+namespace clearance {
+namespace {
+
+constexpr int kRowsAtOnce = 2;  // of the image, a task
+// A voxel is passed when the ray leaves it this far before its return, in voxels.
+constexpr float kStopVoxels = 0.25f;
+// A ray refutes stored surface when its return lies this far beyond the cube, in voxels.
+constexpr float kBeyondVoxels = 1.f;
+// So many rays in one frame refute at once; fewer have to come again.
+[[maybe_unused]] constexpr int kCertainRays = 3;
+
+// One ray in units of voxels, from the sensor, relative to the block that holds the sensor.
+struct Ray {
+  Eigen::Vector3f origin, direction;  // direction is a unit vector
+  float length;                       // of the measured ray
+  float reach;                        // as far as it is evidence
+};
+
+// Amanatides and Woo's walk: every voxel the ray passes, in order, with where it enters and leaves.
+template <typename Visit>
+void Walk(const Ray& ray, const Visit& visit) {
+  VoxelIndex at;
+  Eigen::Vector3f next, delta;
+  Eigen::Vector3i step;
+  for (int a = 0; a < 3; ++a) {
+    at[a] = static_cast<int>(std::floor(ray.origin[a]));
+    const float d = ray.direction[a];
+    step[a] = d > 0.f ? 1 : -1;
+    delta[a] = std::abs(d) > 1e-9f ? 1.f / std::abs(d) : 1e9f;
+    const float room = d > 0.f ? static_cast<float>(at[a] + 1) - ray.origin[a]
+                               : ray.origin[a] - static_cast<float>(at[a]);
+    next[a] = room * delta[a];
+  }
+  float enter = 0.f;
+  while (true) {
+    const int axis = next[0] < next[1] ? (next[0] < next[2] ? 0 : 2) : (next[1] < next[2] ? 1 : 2);
+    const float leave = next[axis];
+    if (leave > ray.reach) return;
+    visit(at, enter, leave);
+    enter = leave;
+    at[axis] += step[axis];
+    next[axis] += delta[axis];
+  }
+}
+
+class RaySpace {
+ public:
+  RaySpace(const RangeImage& image, const Pose& T_W_X, const SurfaceMap& map,
+           const FreeSpaceOptions& options)
+      : image_(image),
+        map_(map),
+        inverse_h_(static_cast<float>(1.0 / options.voxel_size_m)),
+        max_range_m_(static_cast<float>(options.max_range_m)),
+        base_(BlockOf(VoxelOf(T_W_X.translation(), options.voxel_size_m))),
+        R_W_X_(T_W_X.linear().cast<float>()),
+        eye_(((T_W_X.translation() - BlockOrigin(base_, options.voxel_size_m)) /
+              options.voxel_size_m)
+                 .cast<float>()) {}
+
+  const BlockIndex& base() const { return base_; }
+
+  void WalkRows(int first, int last, RayCounts& counts) const {
+    for (int v = first; v < last; ++v) {
+      for (int u = 0; u < image_.width(); ++u) {
+        if (image_.measure(u, v) > 0.f) WalkRay(u, v, counts);
+      }
+    }
+  }
+
+ private:
+  void WalkRay(int u, int v, RayCounts& counts) const {
+    const float range_m = image_.measure(u, v);
+    Ray ray;
+    ray.origin = eye_;
+    ray.direction = R_W_X_ * (image_.Point(u, v) / range_m);
+    ray.length = range_m * inverse_h_;
+    ray.reach = std::min(ray.length - kStopVoxels, max_range_m_ * inverse_h_);
+    Walk(ray, [&](const VoxelIndex& at, float enter, float leave) {
+      RayCounts::Block& block = counts.At(BlockOf(at));
+      const int offset = OffsetOf(at);
+      block.Pass(offset);
+      if (Test(block.held, offset) && ray.length >= leave + kBeyondVoxels &&
+          Penetrates(block.stored, offset, at, ray, enter, leave)) {
+        block.Refute(offset);
+      }
+    });
+    if (image_.label(u, v) == 0 && image_.has_surface(u, v)) {
+      const Eigen::Vector3f end = ray.origin + ray.length * ray.direction;
+      const VoxelIndex hit(static_cast<int>(std::floor(end.x())),
+                           static_cast<int>(std::floor(end.y())),
+                           static_cast<int>(std::floor(end.z())));
+      Set(counts.At(BlockOf(hit)).hit, OffsetOf(hit));
+    }
+  }
+
+  // Whether the ray is, within the cube, clearly behind the plane stored there.
+  bool Penetrates(const StoredSurface& stored, int offset, const VoxelIndex& at, const Ray& ray,
+                  float enter, float leave) const {
+    Eigen::Vector3f normal = stored.Normal(offset);
+    if (normal.isZero()) normal = -ray.direction;
+    const Eigen::Vector3f from_centre =
+        ray.origin - at.cast<float>() - Eigen::Vector3f::Constant(0.5f);
+    const float at_origin = stored.mean(offset) * inverse_h_ + normal.dot(from_centre);
+    const float slope = normal.dot(ray.direction);
+    return at_origin + std::min(enter * slope, leave * slope) < -kPenetrationVoxels;
+  }
+
+  const RangeImage& image_;
+  const SurfaceMap& map_;
+  float inverse_h_, max_range_m_;
+  BlockIndex base_;
+  Eigen::Matrix3f R_W_X_;
+  Eigen::Vector3f eye_;  // voxels from the base block's origin
+};
+
+}  // namespace
+
+std::vector<FreeBlock> ObserveFreeSpaceRays(const RangeImage& image, const Pose& T_W_X,
+                                            const SurfaceMap& static_map,
+                                            const FreeSpaceOptions& options) {
+  const RaySpace space(image, T_W_X, static_map, options);
+  const SphericalView view(image, T_W_X, options.voxel_size_m, options.max_range_m);
+  tbb::enumerable_thread_specific<RayCounts> of_threads(
+      [&] { return RayCounts(static_map, space.base()); });
+  const int tasks = (image.height() + kRowsAtOnce - 1) / kRowsAtOnce;
+  tbb::parallel_for(0, tasks, [&](int task) {
+    space.WalkRows(task * kRowsAtOnce, std::min(image.height(), (task + 1) * kRowsAtOnce),
+                   of_threads.local());
+  });
+
+  // Sums and unions of the threads' counts: the same whatever thread walked which ray.
+  std::vector<const RayCounts*> counts;
+  for (const RayCounts& c : of_threads) counts.push_back(&c);
+  const std::vector<BlockIndex> blocks = RayCounts::Blocks(counts);
+  std::vector<FreeBlock> out(blocks.size());
+  tbb::parallel_for(size_t{0}, blocks.size(), [&](size_t i) {
+    const RayCounts::Block sum = RayCounts::Sum(counts, blocks[i]);
+    FreeBlock& free = out[i];
+    free.block = blocks[i];
+    for (int o = 0; o < kBlockVoxels; ++o) {
+      if (sum.passed[o] == 0 || Test(sum.hit, o)) continue;
+      Set(free.probable, o);
+      if (sum.refuted[o] >= 1) Set(free.contradicted, o);
+    }
+    view.ObserveConfident(free);
+    if (!sum.stored.empty()) {
+      for (size_t w = 0; w < free.confident.size(); ++w) {
+        free.contradicted[w] |= free.confident[w] & sum.held[w];
+      }
+    }
+  });
+  std::erase_if(out, [](const FreeBlock& f) { return f.probable == BlockMask{}; });
+  return out;
+}
+
+}  // namespace clearance
