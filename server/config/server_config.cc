@@ -1,0 +1,107 @@
+#include "server/config/server_config.h"
+
+#include <arpa/inet.h>
+
+#include <cmath>
+
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_format.h"
+
+namespace clearance {
+namespace {
+
+constexpr size_t kMaxSocketPath = 107;  // sun_path holds 108 bytes with its end
+
+absl::Status InRange(const char* key, double got, double low, double high) {
+  if (got >= low && got <= high) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrFormat("%s: got %g, expected %g to %g", key, got, low, high));
+}
+
+absl::Status CheckAddress(std::string_view address, std::string_view key, bool allow_remote) {
+  const absl::StatusOr<HostPort> parsed = ParseHostPort(address, key);
+  if (!parsed.ok()) return parsed.status();
+  if (!allow_remote && !IsLoopback(parsed->host)) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s: got '%s', which others can reach in plain text; expected a loopback address. Set "
+        "server.allow_remote_plaintext (--allow-remote-plaintext) to serve it all the same",
+        key, address));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status ServerConfig::Validate() const {
+  for (const std::string& address : listen) {
+    if (auto s = CheckAddress(address, "server.listen", allow_remote_plaintext); !s.ok()) return s;
+  }
+  if (listen.empty() && socket.empty()) {
+    return absl::InvalidArgumentError("server.listen and server.socket: got neither, expected one");
+  }
+  if (socket.size() > kMaxSocketPath) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("server.socket: got %d bytes, limit %d", socket.size(), kMaxSocketPath));
+  }
+  if (http != "off" && !http.empty()) {
+    if (auto s = CheckAddress(http, "server.http", allow_remote_plaintext); !s.ok()) return s;
+  }
+  const struct {
+    const char* key;
+    double got, low, high;
+  } ranges[] = {
+      {"server.worker_threads", static_cast<double>(worker_threads), 1, 256},
+      {"server.worker_queue", static_cast<double>(worker_queue), 1, 1e6},
+      {"server.drain_timeout_s", drain_timeout_s, 0, 600},
+      {"limits.max_message_bytes", static_cast<double>(max_message_bytes), 65536, 1u << 30},
+      {"limits.max_maps", static_cast<double>(max_maps), 1, 1e6},
+      // Replies stay below the 4 MiB that every gRPC client takes by default.
+      {"limits.max_query_points", static_cast<double>(max_query_points), 1, 100'000},
+      {"limits.max_slice_cells", static_cast<double>(max_slice_cells), 1, 400'000},
+      {"limits.max_frame_points", static_cast<double>(max_frame_points), 1, 1e8},
+      {"limits.max_image_pixels", static_cast<double>(max_image_pixels), 1, 1e8},
+      {"limits.max_motions", static_cast<double>(max_motions), 0, 65535},
+      {"limits.max_wait_s", max_wait_s, 0, 3600},
+      {"ingest.queue_frames", static_cast<double>(queue_frames), 1, 4096},
+      {"ingest.credits", static_cast<double>(credits), 1, 4096},
+      {"ingest.live_credits", static_cast<double>(live_credits), 1, 65536},
+  };
+  for (const auto& range : ranges) {
+    if (auto s = InRange(range.key, range.got, range.low, range.high); !s.ok()) return s;
+  }
+  if (absl::Status s = map.Validate(); !s.ok()) {
+    return absl::InvalidArgumentError(absl::StrFormat("map.%s", s.message()));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<HostPort> ParseHostPort(std::string_view address, std::string_view field) {
+  HostPort result;
+  const size_t colon = address.rfind(':');
+  const auto bad = [&] {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s: got '%s', expected HOST:PORT with a port of 0 to 65535", field, address));
+  };
+  if (colon == std::string_view::npos || colon == 0) return bad();
+  result.host = std::string(address.substr(0, colon));
+  const std::string port(address.substr(colon + 1));
+  if (!absl::SimpleAtoi(port, &result.port) || result.port < 0 || result.port > 65535) return bad();
+  if (result.host.front() == '[') {
+    if (result.host.size() < 3 || result.host.back() != ']') return bad();
+    result.host = result.host.substr(1, result.host.size() - 2);
+  } else if (result.host.find(':') != std::string::npos) {
+    return bad();
+  }
+  return result;
+}
+
+bool IsLoopback(std::string_view host) {
+  const std::string name(host);
+  in_addr v4;
+  if (inet_pton(AF_INET, name.c_str(), &v4) == 1) return (ntohl(v4.s_addr) >> 24) == 127;
+  in6_addr v6;
+  if (inet_pton(AF_INET6, name.c_str(), &v6) == 1) return IN6_IS_ADDR_LOOPBACK(&v6);
+  return name == "localhost";
+}
+
+}  // namespace clearance

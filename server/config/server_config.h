@@ -1,0 +1,71 @@
+// What a server is started with: a strict YAML file, then environment, then flags.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "server/map/map_config.h"
+
+namespace clearance {
+
+struct ServerConfig {
+  // server
+  std::vector<std::string> listen = {"127.0.0.1:50051"};  // HOST:PORT, gRPC
+  std::string socket;                                     // path of a unix socket; empty = none
+  std::string http = "127.0.0.1:8080";                    // metrics and health; "off"
+  bool allow_remote_plaintext = false;                    // serve beyond loopback without TLS
+  int worker_threads = 2;                                 // for large queries and exports
+  int worker_queue = 256;                                 // calls that may wait for them
+  double drain_timeout_s = 8.0;
+
+  // limits
+  uint64_t max_message_bytes = 16u << 20;
+  uint64_t max_maps = 64;
+  uint64_t max_query_points = 100'000;
+  uint64_t max_slice_cells = 400'000;
+  uint64_t max_frame_points = 1'100'000;  // of a cloud: fits a message, labels included
+  uint64_t max_image_pixels = 4'000'000;
+  uint64_t max_motions = 4096;
+  double max_wait_s = 60.0;
+
+  // ingest
+  uint64_t queue_frames = 8;    // frames with points that wait, a map
+  uint64_t credits = 8;         // frames in flight, a stream, policy block
+  uint64_t live_credits = 256;  // the same, policy drop_oldest_static
+
+  // map: of `default`, and what CreateMap leaves open
+  bool create_default_map = true;
+  MapConfig map;
+
+  // INVALID_ARGUMENT naming the key, what it is and what it may be.
+  absl::Status Validate() const;
+};
+
+// Reads `text` over `config`. INVALID_ARGUMENT "<name>:<line>: ..." for a syntax error, an unknown
+// or repeated key (with the nearest known one), a value of another type. Not validated yet.
+absl::Status ApplyYaml(std::string_view text, std::string_view name, ServerConfig* config);
+// NOT_FOUND or INVALID_ARGUMENT.
+absl::Status ApplyFile(const std::string& path, ServerConfig* config);
+
+// Sets one key, for example "map.voxel_size_m", to a YAML value.
+absl::Status ApplySetting(std::string_view key, const std::string& value, std::string_view origin,
+                          ServerConfig* config);
+// Environment: CLEARANCE_<SECTION>_<KEY> for every key, for example CLEARANCE_MAP_VOXEL_SIZE_M;
+// CLEARANCE_LISTEN, CLEARANCE_SOCKET and CLEARANCE_HTTP for short.
+absl::Status ApplyEnvironment(ServerConfig* config);
+
+// All keys, in the order of the documentation.
+std::vector<std::string> ConfigKeys();
+
+// Host and port of "HOST:PORT" or "[V6]:PORT". INVALID_ARGUMENT naming `field`.
+struct HostPort {
+  std::string host;
+  int port = 0;
+};
+absl::StatusOr<HostPort> ParseHostPort(std::string_view address, std::string_view field);
+bool IsLoopback(std::string_view host);
+
+}  // namespace clearance
