@@ -71,10 +71,9 @@ Body MakeVan(Random& random) {
   body.solids.push_back(Prism({{-l, 0.25},
                                {l - 0.1, 0.25},
                                {l, 0.5},
-                               {l - 0.08, 0.95},
-                               {l - 0.5, 1.15},
-                               {l - 1.15, roof - 0.05},
-                               {l - 1.5, roof},
+                               {l - 0.05, 1.0},
+                               {l - 0.85, roof - 0.05},
+                               {l - 1.2, roof},
                                {-l, roof}},
                               w, 0.93));
   AddWheels(l - 0.95, -l + 0.95, w, 0.34, body.solids);

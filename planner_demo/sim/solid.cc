@@ -128,7 +128,9 @@ struct BoundsOf {
     return Around({c.radius_m, c.radius_m, c.half_height_m});
   }
   Eigen::AlignedBox3d operator()(const Capsule& c) const {
-    return Around({c.radius_m, c.radius_m, c.half_height_m + c.radius_m});
+    const Eigen::Vector3d reach =
+        T_B_S.linear().col(2).cwiseAbs() * c.half_height_m + Eigen::Vector3d::Constant(c.radius_m);
+    return {T_B_S.translation() - reach, T_B_S.translation() + reach};
   }
   Eigen::AlignedBox3d operator()(const Polyhedron& p) const {
     Eigen::AlignedBox3d box;

@@ -14,6 +14,7 @@ constexpr double kLane = 2.0;  // a lane's centre, from the middle of the road; 
 constexpr double kKerbHeight = 0.15;
 constexpr double kApproach = 60.0;  // paths start so far from the middle of the crossing
 constexpr int kVehicles = 10;
+constexpr int kTurning = 3;  // of these
 constexpr int kPedestrians = 2;
 
 Eigen::Isometry3d QuarterTurns(int count) {
@@ -75,12 +76,16 @@ Path Route(int turn, int approach) {
 void AddVehicles(Random& random, double duration_s, Traffic& traffic) {
   int added = 0;
   for (int attempt = 0; added < kVehicles && attempt < 4000; ++attempt) {
-    const double choice = random.Uniform(0.0, 1.0);
-    const int turn = choice < 0.6 ? 0 : choice < 0.8 ? -1 : 1;
+    // A few turn, in the middle of the recording; the others go straight on.
+    const int turn = added >= kTurning ? 0 : random.Index(2) == 0 ? -1 : 1;
     Path path = Route(turn, random.Index(4));
     const double speed = turn == 0 ? random.Uniform(7.0, 12.0) : random.Uniform(5.0, 6.0);
-    path.start_offset_m = random.Uniform(0.0, 1.0) < 0.7 ? random.Uniform(0.0, kApproach)
-                                                         : random.Uniform(-60.0, 0.0);
+    if (turn != 0) {
+      path.start_offset_m = random.Uniform(15.0, 50.0);
+    } else {
+      path.start_offset_m = random.Uniform(0.0, 1.0) < 0.7 ? random.Uniform(0.0, kApproach)
+                                                           : random.Uniform(-60.0, 0.0);
+    }
     path.speeds = {{0.0, speed}};
     if (turn == 0 && random.Uniform(0.0, 1.0) < 0.3) {  // slows down on the way
       const double from_s = random.Uniform(0.5, 0.5 * duration_s);
