@@ -32,9 +32,8 @@ absl::Status CheckRigid(const Pose& T, const std::string& field) {
 
 absl::Status CheckLabels(const char* field, size_t labels, size_t elements) {
   if (labels == 0 || labels == elements) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      absl::StrFormat("%s has %d labels for %d elements; expected none or one each", field, labels,
-                      elements));
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "%s has %d labels for %d elements; expected none or one each", field, labels, elements));
 }
 
 absl::Status Check(const PointCloud& cloud, const FrameLimits& limits) {
@@ -52,9 +51,9 @@ absl::Status Check(const PointCloud& cloud, const FrameLimits& limits) {
   if (!cloud.points_X.allFinite()) {
     for (size_t i = 0; i < n; ++i) {
       if (cloud.points_X.col(i).allFinite()) continue;
-      return absl::InvalidArgumentError(absl::StrFormat(
-          "cloud.points[%d] = (%g, %g, %g) is not finite", i, cloud.points_X(0, i),
-          cloud.points_X(1, i), cloud.points_X(2, i)));
+      return absl::InvalidArgumentError(
+          absl::StrFormat("cloud.points[%d] = (%g, %g, %g) is not finite", i, cloud.points_X(0, i),
+                          cloud.points_X(1, i), cloud.points_X(2, i)));
     }
   }
   return absl::OkStatus();
@@ -63,9 +62,8 @@ absl::Status Check(const PointCloud& cloud, const FrameLimits& limits) {
 absl::Status Check(const DepthImage& image, const FrameLimits& limits) {
   const size_t n = size_t{image.width} * image.height;
   if (n == 0 || n > limits.max_points) {
-    return absl::InvalidArgumentError(absl::StrFormat("depth is %d x %d pixels; expected 1 to %d",
-                                                      image.width, image.height,
-                                                      limits.max_points));
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "depth is %d x %d pixels; expected 1 to %d", image.width, image.height, limits.max_points));
   }
   if (image.depth.size() != n) {
     return absl::InvalidArgumentError(absl::StrFormat(
@@ -99,9 +97,8 @@ absl::Status ValidateFrame(const Frame& frame, const FrameLimits& limits) {
   auto status = std::visit([&](const auto& o) { return Check(o, limits); }, frame.observation);
   if (!status.ok()) return status;
   if (frame.motions.size() > limits.max_motions) {
-    return absl::InvalidArgumentError(
-        absl::StrFormat("motions has %d entries; limit %d", frame.motions.size(),
-                        limits.max_motions));
+    return absl::InvalidArgumentError(absl::StrFormat("motions has %d entries; limit %d",
+                                                      frame.motions.size(), limits.max_motions));
   }
   std::set<ObjectId> seen;
   for (size_t i = 0; i < frame.motions.size(); ++i) {
@@ -111,14 +108,13 @@ absl::Status ValidateFrame(const Frame& frame, const FrameLimits& limits) {
           absl::StrFormat("motions[%d].object_id is 0, the static world; expected 1 to 65535", i));
     }
     if (!seen.insert(m.object_id).second) {
-      return absl::InvalidArgumentError(absl::StrFormat(
-          "motions[%d].object_id %d occurs twice; expected one motion an object", i,
-          m.object_id.value()));
+      return absl::InvalidArgumentError(
+          absl::StrFormat("motions[%d].object_id %d occurs twice; expected one motion an object", i,
+                          m.object_id.value()));
     }
     if (auto s = CheckRigid(m.pose, absl::StrFormat("motions[%d].pose", i)); !s.ok()) return s;
     if (m.covariance && !m.covariance->allFinite()) {
-      return absl::InvalidArgumentError(
-          absl::StrFormat("motions[%d].covariance is not finite", i));
+      return absl::InvalidArgumentError(absl::StrFormat("motions[%d].covariance is not finite", i));
     }
   }
   return absl::OkStatus();

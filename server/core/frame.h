@@ -15,8 +15,8 @@
 namespace clearance {
 
 // Points in the sensor frame X, metres, deskewed to the frame's stamp.
-// `labels` is empty (all static) or has one id per point. Organised clouds (rows * columns points, row
-// by row) mark a missing return by (0, 0, 0); unorganised ones have rows = columns = 0.
+// `labels` is empty (all static) or has one id per point. Organised clouds (rows * columns points,
+// row by row) mark a missing return by (0, 0, 0); unorganised ones have rows = columns = 0.
 struct PointCloud {
   Eigen::Matrix3Xf points_X;
   std::vector<uint16_t> labels;
@@ -35,8 +35,8 @@ struct DepthImage {
   std::vector<uint16_t> labels;  // empty (all static) or one id per pixel
 };
 
-// How an object moved into this frame: the paper's H (world motion from `from_frame_id`, absent = the
-// source's previous frame) or its absolute pose.
+// How an object moved into this frame: the paper's H (world motion from `from_frame_id`, absent =
+// the source's previous frame) or its absolute pose.
 struct ObjectMotion {
   enum class Kind { kWorldMotion, kWorldFromObject };
   ObjectId object_id;

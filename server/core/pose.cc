@@ -1,5 +1,6 @@
 #include "server/core/pose.h"
 
+#include <Eigen/SVD>
 #include <cmath>
 
 namespace clearance {
@@ -18,7 +19,8 @@ constexpr double kSmallAngle_rad = 1e-4;
 
 Pose Orthonormalized(const Pose& T) {
   Pose out = Pose::Identity();
-  out.linear() = Eigen::Quaterniond(T.linear()).normalized().toRotationMatrix();
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(T.linear(), Eigen::ComputeFullU | Eigen::ComputeFullV);
+  out.linear() = svd.matrixU() * svd.matrixV().transpose();
   out.translation() = T.translation();
   return out;
 }

@@ -7,7 +7,7 @@ namespace clearance {
 
 using Pose = Eigen::Isometry3d;
 
-// The nearest rotation to T's linear part (by a normalised quaternion): chained products drift away
+// T with the nearest rotation (polar decomposition) as its linear part: chained products drift away
 // from SO(3) by rounding, and this brings them back without moving the origin.
 Pose Orthonormalized(const Pose& T);
 
