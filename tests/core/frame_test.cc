@@ -50,8 +50,8 @@ TEST(Frame, AcceptsCloudsImagesAndFramesWithoutPoints) {
 }
 
 TEST(Frame, NamesTheFirstPointThatIsNotFinite) {
-  for (float bad : {std::numeric_limits<float>::quiet_NaN(),
-                    std::numeric_limits<float>::infinity()}) {
+  for (float bad :
+       {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
     Frame frame = CloudFrame();
     std::get<PointCloud>(frame.observation).points_X(1, 7) = bad;
     ExpectRefused(frame, "cloud.points[7]");

@@ -86,8 +86,8 @@ TEST(ObjectSubmap, ChainOfTwoHundredMotionsKeepsThePoseWithinAMillimetre) {
     Pose T = Pose::Identity();
     const Eigen::AngleAxisd turn(0.03 * k, Eigen::Vector3d(0.1, -0.2, 1).normalized());
     T.linear() = turn.toRotationMatrix();
-    T.translation() = centre + turn * (start.translation() - centre) +
-                      Eigen::Vector3d(0, 0, 0.05 * k);
+    T.translation() =
+        centre + turn * (start.translation() - centre) + Eigen::Vector3d(0, 0, 0.05 * k);
     return T;
   };
   WorldMap map(MapConfig{});
