@@ -41,7 +41,7 @@ TEST(RayCaster, FindsTheNearestOfAllSolidsWhateverTheHint) {
   }
   caster.Build();
   int hits = 0;
-  for (int i = 0; i < 3000; ++i) {
+  for (int i = 0; i < 6000; ++i) {
     const Eigen::Vector3d origin_W = Draw(random, 8.0);
     const Eigen::Vector3d direction_W = Draw(random, 1.0);
     double nearest = std::numeric_limits<double>::infinity();
