@@ -163,8 +163,8 @@ void BlendCorners(const FieldVoxel corners[8], const float fraction[3], StaticAn
     alignas(32) float distance[8];
     SurfelDistances(lanes, distance);
     const float blended = Dot(blend.w, distance);
-    const Eigen::Vector3f slope = UnitOrZero(
-        {Dot(blend.wx, distance), Dot(blend.wy, distance), Dot(blend.wz, distance)});
+    const Eigen::Vector3f slope =
+        UnitOrZero({Dot(blend.wx, distance), Dot(blend.wy, distance), Dot(blend.wz, distance)});
     if (to_site <= kBlendOnlyVoxels) {
       answer->distance_voxels = blended;
       answer->gradient_W = slope;

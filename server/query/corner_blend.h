@@ -6,8 +6,8 @@
 
 namespace clearance {
 
-// `corners[4 i + 2 j + k]` is the voxel whose centre lies at (i, j, k); the point at `fraction`, each
-// in [0, 1), all in voxels. Leaves `state` alone.
+// `corners[4 i + 2 j + k]` is the voxel whose centre lies at (i, j, k); the point at `fraction`,
+// each in [0, 1), all in voxels. Leaves `state` alone.
 void BlendCorners(const FieldVoxel corners[8], const float fraction[3], StaticAnswer* answer);
 
 }  // namespace clearance

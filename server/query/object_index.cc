@@ -32,8 +32,8 @@ Eigen::Array4f Padded(const Eigen::Vector3d& v) {
   return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z()), 0.f};
 }
 
-// Bounds of one box now, of its velocities and of its acceleration: all three are extreme at corners,
-// since a body's velocity is linear in the point and its length convex.
+// Bounds of one box now, of its velocities and of its acceleration: all three are extreme at
+// corners, since a body's velocity is linear in the point and its length convex.
 ObjectIndex::Node BoundsOf(const ObjectIndex::Entry& entry, const Eigen::Vector3d& origin_W) {
   const Eigen::Vector3d linear = entry.screw_W.head<3>();
   const Eigen::Vector3d angular = entry.screw_W.tail<3>();

@@ -10,14 +10,14 @@
 
 namespace clearance {
 
-// A bounding-volume tree over the objects' boxes whose bounds hold at every horizon s >= 0: a box is
-// [lower + s * v_lower - s^2 a / 2, upper + s * v_upper + s^2 a / 2], since a body on a constant
+// A bounding-volume tree over the objects' boxes whose bounds hold at every horizon s >= 0: a box
+// is [lower + s * v_lower - s^2 a / 2, upper + s * v_upper + s^2 a / 2], since a body on a constant
 // screw deviates from its first velocity by at most a s^2 / 2. Immutable once built.
 struct ObjectIndex {
   // One object that counts (not RETIRED, with surface).
   struct Entry {
-    Eigen::Matrix3d R_L_W;      // of T_L_W at the view's stamp
-    Eigen::Vector3d t_W_L;      // L's origin in W
+    Eigen::Matrix3d R_L_W;  // of T_L_W at the view's stamp
+    Eigen::Vector3d t_W_L;  // L's origin in W
     Screw screw_W;
     Eigen::AlignedBox3f bounds_L;  // of the shape's surfels
     float position_sigma_m = 0, velocity_sigma_mps = 0;
@@ -28,9 +28,9 @@ struct ObjectIndex {
     std::shared_ptr<const ObjectShape> shape;
   };
   struct Node {
-    Eigen::Array4f lower, upper;      // metres, relative to origin_W, at s = 0; last lane 0
-    Eigen::Array4f v_lower, v_upper;  // m/s
-    float acceleration_mps2 = 0;      // a above
+    Eigen::Array4f lower, upper;              // metres, relative to origin_W, at s = 0; last lane 0
+    Eigen::Array4f v_lower, v_upper;          // m/s
+    float acceleration_mps2 = 0;              // a above
     float sigma_m = 0, sigma_growth_mps = 0;  // no answer below has more than sigma_m + s * growth
     uint32_t first = 0;  // leaf: first entry; inner: index of the left child (right = left + 1)
     uint32_t count = 0;  // leaf: number of entries; inner: 0

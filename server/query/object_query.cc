@@ -32,7 +32,8 @@ float DistanceBound(const ObjectIndex::Node& node, const Eigen::Array4f& p, floa
 }  // namespace
 
 float ObjectSigma(const ObjectIndex::Entry& entry, float site_sigma_m, double horizon_s) {
-  const float pose = entry.position_sigma_m + entry.velocity_sigma_mps * static_cast<float>(horizon_s);
+  const float pose =
+      entry.position_sigma_m + entry.velocity_sigma_mps * static_cast<float>(horizon_s);
   return std::sqrt(site_sigma_m * site_sigma_m + pose * pose);
 }
 
@@ -55,8 +56,8 @@ bool AskObject(const ObjectIndex::Entry& entry, const Eigen::Matrix3d& R_L_W,
   const bool inside = in_bounds && IsInside(shape, p_L, nearest.distance_m);
   answer->distance_m = inside ? -nearest.distance_m : nearest.distance_m;
   answer->sigma_m = ObjectSigma(entry, site.sigma_m, horizon_s);
-  Eigen::Vector3f gradient_L = DirectionFromSurfel(
-      site, kSurfelRadiusVoxels * static_cast<float>(shape.voxel_size_m), p_L);
+  Eigen::Vector3f gradient_L =
+      DirectionFromSurfel(site, kSurfelRadiusVoxels * static_cast<float>(shape.voxel_size_m), p_L);
   // On the disc itself the direction is the normal, on either side of it.
   if (inside && nearest.distance_m > 1e-6f) gradient_L = -gradient_L;
   answer->gradient_W = R_L_W.transpose().cast<float>() * gradient_L;
@@ -85,11 +86,10 @@ bool ObjectQuery::Ask(uint32_t i, const Eigen::Vector3d& p_W, double horizon_s, 
   return AskObject(entry, posed.R_L_W, posed.t_W_L, p_W, horizon_s, limit_m, answer);
 }
 
-// Calls visit(entry, reach) for every enabled entry whose bounds allow a score of at most `limit()`:
-// its surface must then lie within `reach` metres. Near subtrees first.
+// Calls visit(entry, reach) for every enabled entry whose bounds allow a score of at most
+// `limit()`: its surface must then lie within `reach` metres. Near subtrees first.
 template <typename Limit, typename Visit>
-void ObjectQuery::Traverse(const Eigen::Vector3d& p_W, double horizon_s, Limit limit,
-                           Visit visit) {
+void ObjectQuery::Traverse(const Eigen::Vector3d& p_W, double horizon_s, Limit limit, Visit visit) {
   if (index_.nodes.empty()) return;
   const Eigen::Vector3f local = (p_W - index_.origin_W).cast<float>();
   const Eigen::Array4f p(local.x(), local.y(), local.z(), 0.f);
@@ -134,8 +134,8 @@ bool ObjectQuery::Nearest(const Eigen::Vector3d& p_W, double horizon_s, float li
       [&](uint32_t i, float reach_m) {
         if (!Ask(i, p_W, horizon_s, reach_m, &candidate)) return;
         const float score = candidate.distance_m - sigma_margin_ * candidate.sigma_m;
-        const bool ties = found && score == best &&
-                          index_.entries[i].id < index_.entries[answer->entry].id;
+        const bool ties =
+            found && score == best && index_.entries[i].id < index_.entries[answer->entry].id;
         if (score < best || ties) {
           best = score;
           *answer = candidate;

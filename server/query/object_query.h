@@ -16,16 +16,16 @@ struct ObjectAnswer {
   float distance_m = 0;  // signed
   float sigma_m = 0;     // of the surfel and of the object's pose at the horizon
   Eigen::Vector3f gradient_W = Eigen::Vector3f::Zero();  // unit, of the signed distance
-  uint32_t entry = 0;    // in the index
+  uint32_t entry = 0;                                    // in the index
 };
 
 // Standard deviation of a distance to a surfel of an object carried `horizon_s` ahead: the surfel's
 // own, and the pose's, which grows linearly.
 float ObjectSigma(const ObjectIndex::Entry& entry, float site_sigma_m, double horizon_s);
 
-// Signed distance to one object whose pose is given by the rotation into L and the origin of L in W:
-// exactly what the tree search returns, surfel by surfel. `limit_m` bounds the search outside the
-// object's box; false when nothing is nearer or as near.
+// Signed distance to one object whose pose is given by the rotation into L and the origin of L in
+// W: exactly what the tree search returns, surfel by surfel. `limit_m` bounds the search outside
+// the object's box; false when nothing is nearer or as near.
 bool AskObject(const ObjectIndex::Entry& entry, const Eigen::Matrix3d& R_L_W,
                const Eigen::Vector3d& t_W_L, const Eigen::Vector3d& p_W, double horizon_s,
                float limit_m, ObjectAnswer* answer);

@@ -26,7 +26,8 @@ Eigen::AlignedBox3f DiscBox(const SurfaceSite& site, float radius_m) {
 // Splits at the median of the widest axis; children are neighbours, so that one index names both.
 class TreeBuilder {
  public:
-  TreeBuilder(std::vector<SurfaceSite>& sites, float radius_m, std::vector<ObjectShape::Node>& nodes)
+  TreeBuilder(std::vector<SurfaceSite>& sites, float radius_m,
+              std::vector<ObjectShape::Node>& nodes)
       : sites_(sites), radius_m_(radius_m), nodes_(nodes) {}
 
   void Build() {
@@ -54,10 +55,9 @@ class TreeBuilder {
     centres.sizes().maxCoeff(&axis);
     const auto begin = sites_.begin() + first;
     const uint32_t half = count / 2;
-    std::nth_element(begin, begin + half, begin + count,
-                     [axis](const SurfaceSite& a, const SurfaceSite& b) {
-                       return a.p_L[axis] < b.p_L[axis];
-                     });
+    std::nth_element(
+        begin, begin + half, begin + count,
+        [axis](const SurfaceSite& a, const SurfaceSite& b) { return a.p_L[axis] < b.p_L[axis]; });
     const auto left = static_cast<uint32_t>(nodes_.size());
     nodes_[node].first = left;
     nodes_.resize(left + 2);

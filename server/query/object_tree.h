@@ -14,8 +14,8 @@ namespace clearance {
 // one surface meet without reaching far past its edges.
 inline constexpr float kSurfelRadiusVoxels = 0.5f;
 
-// The shape that queries read: sites in tree order, bounds of their discs. Deterministic. Sites with
-// a value that is not finite are left out.
+// The shape that queries read: sites in tree order, bounds of their discs. Deterministic. Sites
+// with a value that is not finite are left out.
 std::shared_ptr<const ObjectShape> BuildObjectShape(std::vector<SurfaceSite> sites,
                                                     double voxel_size_m);
 
@@ -30,13 +30,14 @@ SurfelDistance DistanceToSurfel(const SurfaceSite& site, float radius_m,
 Eigen::Vector3f DirectionFromSurfel(const SurfaceSite& site, float radius_m,
                                     const Eigen::Vector3f& p_L);
 
-// The surfel nearest to `p_L`, ties by the lower site index; `site` is -1 when none is nearer than or
-// at `limit_m`.
+// The surfel nearest to `p_L`, ties by the lower site index; `site` is -1 when none is nearer than
+// or at `limit_m`.
 struct NearestSurfel {
   int site = -1;
   float distance_m = 0;  // >= 0
 };
-NearestSurfel FindNearestSurfel(const ObjectShape& shape, const Eigen::Vector3f& p_L, float limit_m);
+NearestSurfel FindNearestSurfel(const ObjectShape& shape, const Eigen::Vector3f& p_L,
+                                float limit_m);
 
 // Whether a point lies inside: within the shape's bounds and behind the surfels that are nearest,
 // by a vote of all surfels up to one voxel farther than the nearest, which outvotes stray normals.

@@ -9,7 +9,8 @@ namespace {
 
 // Half a cube's diagonal over its side.
 constexpr float kHalfDiagonal = 0.8660254f;
-// Eq. (5)'s weight is 1 - sigma with a sigma in [0, 1]; ours is in voxels, and no map counts nothing.
+// Eq. (5)'s weight is 1 - sigma with a sigma in [0, 1]; ours is in voxels, and no map counts
+// nothing.
 constexpr float kMinWeight = 0.01f;
 
 bool IsStale(const MapView& view, const QueryOptions& options) {
@@ -108,9 +109,9 @@ void PointAnswerer::TakeNearest(const Eigen::Vector3d& p_W, double horizon_s, Co
   combined->found = true;
 }
 
-// Paper Sec. III-E: the maps' distances by Eq. (5)'s weighted sum. `combined` holds the static map's.
-void PointAnswerer::TakeWeighted(const Eigen::Vector3d& p_W, double horizon_s,
-                                 Combined* combined) {
+// Paper Sec. III-E: the maps' distances by Eq. (5)'s weighted sum. `combined` holds the static
+// map's.
+void PointAnswerer::TakeWeighted(const Eigen::Vector3d& p_W, double horizon_s, Combined* combined) {
   float weight_sum = 0, score_sum = 0, variance_sum = 0;
   Eigen::Vector3f gradient_sum = Eigen::Vector3f::Zero();
   const auto add = [&](float score_m, float sigma_m, const Eigen::Vector3f& gradient_W) {
@@ -157,19 +158,20 @@ uint8_t PointAnswerer::State(const Eigen::Vector3d& p_W, const StaticAnswer& of_
   }
   // A cube's centre and all its surface are within a diagonal of the point. (The weighted sum says
   // nothing of the nearest surface.)
-  const bool near = score_m <= 2 * kHalfDiagonal * voxel_size_m_ ||
-                    options_.fusion == Fusion::kWeighted;
+  const bool near =
+      score_m <= 2 * kHalfDiagonal * voxel_size_m_ || options_.fusion == Fusion::kWeighted;
   bool object_low_confidence = false;
   if (with_objects_ && near && ObjectCovers(p_W, horizon_s, &object_low_confidence)) {
     // A static surface in the voxel keeps its own confidence.
-    if (state != static_cast<uint8_t>(VoxelState::kOccupied)) low_confidence = object_low_confidence;
+    if (state != static_cast<uint8_t>(VoxelState::kOccupied))
+      low_confidence = object_low_confidence;
     state = static_cast<uint8_t>(VoxelState::kOccupied);
   }
   return state | (low_confidence ? state_byte::kLowConfidence : 0);
 }
 
-// Whether an object holds the centre of the point's voxel or its surface passes through the cube: the
-// plane at the nearest surface point is then within the cube's half width along the normal.
+// Whether an object holds the centre of the point's voxel or its surface passes through the cube:
+// the plane at the nearest surface point is then within the cube's half width along the normal.
 bool PointAnswerer::ObjectCovers(const Eigen::Vector3d& p_W, double horizon_s,
                                  bool* low_confidence) {
   const double voxel_size_m = view_.field.voxel_size_m();
@@ -205,8 +207,7 @@ void PointAnswerer::Write(const Combined& combined, uint8_t state, Eigen::Index 
         gradient ? combined.gradient_W : Eigen::Vector3f(Eigen::Vector3f::Zero());
   }
   if (options_.objects) {
-    batch->object_ids[column] =
-        combined.entry < 0 ? 0 : index_.entries[combined.entry].id.value();
+    batch->object_ids[column] = combined.entry < 0 ? 0 : index_.entries[combined.entry].id.value();
   }
   if (options_.sigmas) batch->sigmas_m[column] = combined.sigma_m;
 }

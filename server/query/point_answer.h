@@ -15,8 +15,8 @@
 
 namespace clearance {
 
-// Answers columns of one batch. Holds caches; one for each thread. What is passed to the constructor
-// outlives it.
+// Answers columns of one batch. Holds caches; one for each thread. What is passed to the
+// constructor outlives it.
 class PointAnswerer {
  public:
   PointAnswerer(const MapView& view, const ObjectIndex& index, const std::vector<uint8_t>& enabled,
@@ -27,7 +27,8 @@ class PointAnswerer {
               DistanceBatch* batch);
 
  private:
-  // The answer in the making. `score_m` is the distance less the margin; nothing found = the maximum.
+  // The answer in the making. `score_m` is the distance less the margin; nothing found = the
+  // maximum.
   struct Combined {
     float score_m = 0;
     float sigma_m = 0;

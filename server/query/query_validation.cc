@@ -14,12 +14,13 @@ bool HorizonFits(const MapView& view, double horizon_s) {
 
 absl::Status CheckHorizon(const MapView& view, const std::string& field, double horizon_s) {
   if (!std::isfinite(horizon_s)) {
-    return absl::InvalidArgumentError(absl::StrFormat("%s is %g: must be finite", field, horizon_s));
+    return absl::InvalidArgumentError(
+        absl::StrFormat("%s is %g: must be finite", field, horizon_s));
   }
   if (!HorizonFits(view, horizon_s)) {
-    return absl::OutOfRangeError(absl::StrFormat(
-        "%s is %g s after the map's stamp %d ns: must be 0 to %g (max_horizon_s)", field, horizon_s,
-        view.stamp_ns, view.config.max_horizon_s));
+    return absl::OutOfRangeError(
+        absl::StrFormat("%s is %g s after the map's stamp %d ns: must be 0 to %g (max_horizon_s)",
+                        field, horizon_s, view.stamp_ns, view.config.max_horizon_s));
   }
   return absl::OkStatus();
 }
@@ -57,9 +58,9 @@ absl::Status CheckIds(const MapView& view, const std::string& field,
 absl::Status ValidateQuery(const MapView& view, Eigen::Index points, const QueryOptions& options) {
   if (!options.horizons_s.empty()) {
     if (static_cast<Eigen::Index>(options.horizons_s.size()) != points) {
-      return absl::InvalidArgumentError(absl::StrFormat(
-          "horizons has %d values: must be one for each of the %d points",
-          options.horizons_s.size(), points));
+      return absl::InvalidArgumentError(
+          absl::StrFormat("horizons has %d values: must be one for each of the %d points",
+                          options.horizons_s.size(), points));
     }
     for (size_t i = 0; i < options.horizons_s.size(); ++i) {
       if (HorizonFits(view, options.horizons_s[i])) continue;

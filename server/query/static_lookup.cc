@@ -9,8 +9,8 @@
 namespace clearance {
 namespace {
 
-// Voxels without a site, by the attribute bits 0-2 that a tile holds: a pointer to a voxel always has
-// something to point at.
+// Voxels without a site, by the attribute bits 0-2 that a tile holds: a pointer to a voxel always
+// has something to point at.
 constexpr std::array<FieldVoxel, 8> kAbsent = [] {
   std::array<FieldVoxel, 8> voxels{};
   for (uint16_t state = 0; state < 8; ++state) voxels[state].attributes = state;
@@ -27,10 +27,10 @@ const FieldVoxel* VoxelIn(const DistanceField::Region* region, int block, int of
 
 // The cell of voxel centres that holds a point, on its way through the stages.
 struct Cell {
-  VoxelIndex low;     // voxel of corner 0
-  float fraction[3];  // of the point, from corner 0, in voxels
-  int own;            // corner of the point's own voxel
-  bool one_block;     // all corners in the block of corner 0
+  VoxelIndex low;                       // voxel of corner 0
+  float fraction[3];                    // of the point, from corner 0, in voxels
+  int own;                              // corner of the point's own voxel
+  bool one_block;                       // all corners in the block of corner 0
   const DistanceField::Region* region;  // of corner 0
   const FieldVoxel* first;              // with one_block: corner 0, or absent and not `data`
   bool data;

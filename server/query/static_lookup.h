@@ -8,12 +8,13 @@
 
 namespace clearance {
 
-// What the static map says of one point. `distance_voxels` and `gradient_W` are meaningful only with
-// has_site. `state` is the attribute bits 0-2 of the point's own voxel (VoxelState, low confidence).
+// What the static map says of one point. `distance_voxels` and `gradient_W` are meaningful only
+// with has_site. `state` is the attribute bits 0-2 of the point's own voxel (VoxelState, low
+// confidence).
 struct StaticAnswer {
-  float distance_voxels = 0;  // signed
+  float distance_voxels = 0;                             // signed
   Eigen::Vector3f gradient_W = Eigen::Vector3f::Zero();  // unit, of the signed distance, or zero
-  uint8_t sigma_code = 0;     // of the deciding site
+  uint8_t sigma_code = 0;                                // of the deciding site
   uint8_t state = 0;
   bool has_site = false;
 };

@@ -9,15 +9,15 @@
 
 namespace clearance {
 
-// Searches one field outwards, block by block. Keeps what it learnt of the blocks it saw; not shared
-// between threads; the field must not change meanwhile.
+// Searches one field outwards, block by block. Keeps what it learnt of the blocks it saw; not
+// shared between threads; the field must not change meanwhile.
 class UnknownSearch {
  public:
   explicit UnknownSearch(const DistanceField& field) : field_(field) {}
 
-  // Distance from an addressable point (see StaticLookup) to the nearest cube of a voxel whose state
-  // is UNKNOWN, metres, 0 inside one, at most `max_distance_m`. Exact to the cubes. Space that the
-  // field stores nothing of is unknown.
+  // Distance from an addressable point (see StaticLookup) to the nearest cube of a voxel whose
+  // state is UNKNOWN, metres, 0 inside one, at most `max_distance_m`. Exact to the cubes. Space
+  // that the field stores nothing of is unknown.
   float Distance(const Eigen::Vector3d& p_W, double max_distance_m);
 
  private:
