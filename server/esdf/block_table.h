@@ -1,0 +1,76 @@
+// The working side of the closest-site field: blocks with links to their neighbours, written copy
+// on write so that published fields keep what they show.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <vector>
+
+#include "absl/container/flat_hash_map.h"
+#include "server/esdf/block_pool.h"
+#include "server/esdf/sweep.h"
+#include "server/map/distance_field.h"
+
+namespace clearance {
+
+inline constexpr int32_t kNoBlock = -1;
+
+// One block of space. Either has data, or is uniform: no site, and every voxel has the state `tile`
+// (0: nothing known).
+struct BlockRecord {
+  BlockIndex index;
+  std::array<int32_t, kFaces> neighbour;  // record ids, kNoBlock where there is none
+  std::shared_ptr<FieldBlock> data;
+  const FieldBlock* copy_from = nullptr;  // what Fill() copies; null: `tile`
+  bool filled = true;
+  uint8_t tile = 0;
+  int32_t sites = kNoBlock;  // id in the site table
+  uint32_t written_in = 0;   // update in which `data` became ours to write
+  uint32_t scanned_in = 0;   // update in which removed sites were looked for
+  bool queued = false;
+  std::vector<int32_t> references;  // site blocks that may be named by this block's voxels, sorted
+};
+
+class BlockTable {
+ public:
+  int32_t Find(const BlockIndex& index) const {
+    auto it = ids_.find(index);
+    return it == ids_.end() ? kNoBlock : it->second;
+  }
+  int32_t FindOrCreate(const BlockIndex& index);
+  int32_t Neighbour(int32_t id, int face);  // created when absent
+
+  BlockRecord& operator[](int32_t id) { return records_[id]; }
+  const BlockRecord& operator[](int32_t id) const { return records_[id]; }
+  size_t size() const { return records_.size(); }
+
+  // Starts an update: blocks written from now on are new copies.
+  void Begin();
+  uint32_t update() const { return update_; }
+
+  // Makes the block's data ours to write until the next Begin(), in two steps: Prepare() takes
+  // memory (one thread), Fill() copies what was there (one thread a block, before any use).
+  void Prepare(int32_t id);
+  FieldBlock& Fill(int32_t id);
+  FieldBlock& Write(int32_t id) {
+    Prepare(id);
+    return Fill(id);
+  }
+  // Blocks that Prepare() was called for since Begin(), in that order.
+  const std::vector<int32_t>& written() const { return written_; }
+  // Gives the data up: the block is uniform from now on.
+  void MakeUniform(int32_t id, uint8_t tile);
+
+  uint64_t MemoryBytes() const;
+
+ private:
+  absl::flat_hash_map<BlockIndex, int32_t> ids_;
+  std::deque<BlockRecord> records_;
+  std::vector<int32_t> written_;
+  uint32_t update_ = 0;
+  BlockPool pool_;
+};
+
+}  // namespace clearance

@@ -1,0 +1,363 @@
+#include "server/esdf/field_updater.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "server/esdf/site_references.h"
+#include "server/esdf/sweep.h"
+#include "server/esdf/voxel_state.h"
+
+namespace clearance {
+namespace {
+
+class Stopwatch {
+ public:
+  // Milliseconds since the last lap.
+  double Lap() {
+    const auto now = std::chrono::steady_clock::now();
+    const double ms = std::chrono::duration<double, std::milli>(now - last_).count();
+    last_ = now;
+    return ms;
+  }
+
+ private:
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
+
+size_t CountBits(const BlockMask& mask) {
+  size_t count = 0;
+  for (uint64_t word : mask) count += static_cast<size_t>(__builtin_popcountll(word));
+  return count;
+}
+
+bool Intersects(const BlockMask& a, const BlockMask& b) {
+  for (int w = 0; w < 8; ++w) {
+    if (a[w] & b[w]) return true;
+  }
+  return false;
+}
+
+BlockIndex Moved(const BlockIndex& b, int direction) {
+  return {b.x + direction / 9 - 1, b.y + direction / 3 % 3 - 1, b.z + direction % 3 - 1};
+}
+
+// The sign of an unknown voxel with a site belongs to the site, not to the state.
+uint16_t StateOf(const FieldVoxel& v) {
+  return v.state() == VoxelState::kUnknown ? 0 : v.attributes & kVoxelBits;
+}
+
+}  // namespace
+
+FieldUpdater::FieldUpdater(const MapConfig& config, const FusionOptions& fusion)
+    : voxel_size_m_(config.voxel_size_m),
+      min_weight_(fusion.min_weight),
+      squared_limit_(SquaredLimit(config.max_distance_m, config.voxel_size_m)),
+      squared_inside_(
+          SquaredLimit(std::min(kUnseenInsideDepth_m, config.max_distance_m), config.voxel_size_m)),
+      field_(config.voxel_size_m, config.max_distance_m) {}
+
+DistanceField FieldUpdater::Update(const SurfaceMap& map,
+                                   absl::Span<const BlockIndex> changed_blocks) {
+  stats_ = {};
+  Stopwatch watch;
+  table_.Begin();
+  Extract(map, changed_blocks);
+  stats_.extract_ms = watch.Lap();
+  const std::vector<int32_t> repaired = RepairReferrers();
+  stats_.repair_ms = watch.Lap();
+  const std::vector<SeedTask> tasks = SeedTasks(repaired);
+  Seed(tasks);
+  stats_.seed_ms = watch.Lap();
+  Propagate(tasks);
+  stats_.sweep_ms = watch.Lap();
+  Finish();
+  Publish();
+  stats_.finish_ms = watch.Lap();
+  return field_;
+}
+
+std::vector<int32_t> FieldUpdater::BlocksToExtract(const SurfaceMap&,
+                                                   absl::Span<const BlockIndex> changed_blocks) {
+  // Sites and states look one voxel beyond their block.
+  std::vector<int32_t> ids;
+  for (const BlockIndex& b : changed_blocks) ids.push_back(table_.FindOrCreate(b));
+  for (const BlockIndex& b : changed_blocks) {
+    for (int d = 0; d < 27; ++d) {
+      const int32_t id = table_.Find(Moved(b, d));
+      if (id != kNoBlock) ids.push_back(id);
+    }
+  }
+  std::sort(ids.begin(), ids.end());
+  ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+  return ids;
+}
+
+void FieldUpdater::Extract(const SurfaceMap& map, absl::Span<const BlockIndex> changed_blocks) {
+  changed_sites_.clear();
+  retiled_.clear();
+  const std::vector<int32_t> ids = BlocksToExtract(map, changed_blocks);
+  stats_.extracted_blocks = ids.size();
+  constexpr size_t kChunk = 512;
+  std::vector<Extraction> extractions(std::min(kChunk, ids.size()));
+  for (size_t begin = 0; begin < ids.size(); begin += kChunk) {
+    const size_t count = std::min(kChunk, ids.size() - begin);
+    tbb::parallel_for(size_t{0}, count, [&](size_t i) {
+      extractions[i].id = ids[begin + i];
+      ExtractBlock(map, &extractions[i]);
+    });
+    for (size_t i = 0; i < count; ++i) Accept(extractions[i]);
+  }
+}
+
+void FieldUpdater::ExtractBlock(const SurfaceMap& map, Extraction* out) const {
+  const BlockRecord& record = table_[out->id];
+  float mean[kHaloVoxels], weight[kHaloVoxels];
+  int32_t evidence[kHaloVoxels];
+  map.ReadBand(record.index, mean, weight);
+  map.ReadEvidence(record.index, evidence);
+  const float h = static_cast<float>(voxel_size_m_);
+  ExtractSites(mean, weight, h, min_weight_, &out->sites);
+  out->has_sites = out->sites.mask != BlockMask{};
+  ClassifyVoxels(mean, weight, evidence, out->sites, h, min_weight_, out->states.data());
+  out->new_states = false;
+  for (int o = 0; o < kBlockVoxels; ++o) {
+    const uint16_t now = record.data ? StateOf(record.data->voxels[o]) : record.tile;
+    out->new_states |= now != out->states[o];
+  }
+}
+
+void FieldUpdater::Accept(const Extraction& extraction) {
+  BlockRecord& record = table_[extraction.id];
+  if (extraction.new_states) {
+    const auto& states = extraction.states;
+    const bool uniform = std::all_of(states.begin(), states.end(), [&](uint8_t s) {
+      return s == states[0] && (s & kNegativeBit) == 0;
+    });
+    if (uniform && !record.data) {
+      record.tile = states[0];
+      retiled_.push_back(extraction.id);
+    } else {
+      FieldBlock& block = table_.Write(extraction.id);
+      for (int o = 0; o < kBlockVoxels; ++o) {
+        uint16_t& attributes = block.voxels[o].attributes;
+        attributes = (attributes & kSiteBits) | states[o];
+      }
+    }
+  }
+  if (record.sites == kNoBlock) {
+    if (!extraction.has_sites) return;
+    record.sites = static_cast<int32_t>(sites_.size());
+    sites_.emplace_back(record.index);
+  }
+  SiteBlock& sites = sites_[record.sites];
+  sites.Update(extraction.sites);
+  if (!sites.changed()) return;
+  changed_sites_.push_back(record.sites);
+  stats_.fresh_sites += CountBits(sites.fresh());
+  stats_.gone_sites += CountBits(sites.gone());
+}
+
+std::vector<int32_t> FieldUpdater::RepairReferrers() {
+  std::vector<int32_t> scanned;
+  for (int32_t s : changed_sites_) {
+    SiteBlock& sites = sites_[s];
+    if (sites.gone() == BlockMask{}) continue;
+    // The list may hold blocks that have long found other sites: drop those now.
+    std::vector<int32_t> kept;
+    for (int32_t id : sites.referrers) {
+      BlockRecord& record = table_[id];
+      if (!std::binary_search(record.references.begin(), record.references.end(), s)) continue;
+      kept.push_back(id);
+      if (record.scanned_in == table_.update()) continue;
+      record.scanned_in = table_.update();
+      scanned.push_back(id);
+    }
+    std::sort(kept.begin(), kept.end());
+    kept.erase(std::unique(kept.begin(), kept.end()), kept.end());
+    sites.referrers = std::move(kept);
+  }
+  stats_.scanned_blocks = scanned.size();
+  const auto changed_for = [&](int32_t id) {
+    std::vector<const SiteBlock*> changed;
+    for (int32_t s : table_[id].references) {
+      if (sites_[s].gone() != BlockMask{}) changed.push_back(&sites_[s]);
+    }
+    return changed;
+  };
+  std::vector<uint8_t> names_gone(scanned.size());
+  tbb::parallel_for(size_t{0}, scanned.size(), [&](size_t i) {
+    const BlockRecord& record = table_[scanned[i]];
+    names_gone[i] =
+        record.data && NamesGoneSite(record.index, *record.data, changed_for(scanned[i]));
+  });
+  std::vector<int32_t> repaired;
+  for (size_t i = 0; i < scanned.size(); ++i) {
+    if (names_gone[i]) repaired.push_back(scanned[i]);
+  }
+  stats_.repaired_blocks = repaired.size();
+  for (int32_t id : repaired) table_.Prepare(id);
+  tbb::parallel_for(size_t{0}, repaired.size(), [&](size_t i) {
+    FollowSites(table_[repaired[i]].index, changed_for(repaired[i]), squared_limit_,
+                &table_.Fill(repaired[i]));
+  });
+  return repaired;
+}
+
+std::vector<FieldUpdater::SeedTask> FieldUpdater::SeedTasks(const std::vector<int32_t>& repaired) {
+  std::vector<SeedTask> tasks;
+  for (int32_t id : repaired) {
+    tasks.push_back({id, false});
+    table_[id].queued = true;
+  }
+  for (int32_t s : changed_sites_) {
+    for (int d = 0; d < 27; ++d) {
+      if (!Intersects(sites_[s].fresh(), BorderMask(d))) continue;
+      const int32_t id = table_.FindOrCreate(Moved(sites_[s].index(), d));
+      if (table_[id].queued) continue;
+      table_[id].queued = true;
+      tasks.push_back({id, true});
+    }
+  }
+  stats_.seeded_blocks = tasks.size();
+  return tasks;
+}
+
+SiteNeighbourhood FieldUpdater::SitesAround(int32_t id) const {
+  SiteNeighbourhood around{};
+  for (int d = 0; d < 27; ++d) {
+    const int32_t other = d == 13 ? id : table_.Find(Moved(table_[id].index, d));
+    if (other == kNoBlock || table_[other].sites == kNoBlock) continue;
+    around[d] = &sites_[table_[other].sites];
+  }
+  return around;
+}
+
+void FieldUpdater::Seed(const std::vector<SeedTask>& tasks) {
+  for (const SeedTask& task : tasks) table_.Prepare(task.id);
+  tbb::parallel_for(size_t{0}, tasks.size(), [&](size_t i) {
+    const SeedTask& task = tasks[i];
+    SeedBlock(SitesAround(task.id), task.only_fresh, squared_limit_, &table_.Fill(task.id));
+  });
+}
+
+void FieldUpdater::Propagate(const std::vector<SeedTask>& tasks) {
+  // Red and black blocks take turns: a block reads only neighbours of the other colour, which stand
+  // still meanwhile, so the outcome does not depend on who works first.
+  const auto colour = [&](int32_t id) {
+    const BlockIndex& b = table_[id].index;
+    return (b.x + b.y + b.z) & 1;
+  };
+  std::array<std::vector<int32_t>, 2> work;
+  for (const SeedTask& task : tasks) work[colour(task.id)].push_back(task.id);
+  std::vector<uint8_t> wake;
+  for (int turn = 0; !work[0].empty() || !work[1].empty(); turn ^= 1) {
+    const std::vector<int32_t> blocks = std::move(work[turn]);
+    work[turn].clear();
+    if (blocks.empty()) continue;
+    ++stats_.rounds;
+    stats_.swept_blocks += blocks.size();
+    for (int32_t id : blocks) {
+      table_[id].queued = false;
+      table_.Prepare(id);
+    }
+    wake.assign(blocks.size(), 0);
+    tbb::parallel_for(size_t{0}, blocks.size(), [&](size_t i) {
+      FieldBlock& block = table_.Fill(blocks[i]);
+      std::array<const FieldBlock*, kFaces> neighbours{};
+      for (int f = 0; f < kFaces; ++f) {
+        const int32_t other = table_[blocks[i]].neighbour[f];
+        if (other != kNoBlock) neighbours[f] = table_[other].data.get();
+      }
+      wake[i] = SweepBlock(neighbours, squared_limit_, &block).wake;
+    });
+    for (size_t i = 0; i < blocks.size(); ++i) {
+      for (int f = 0; f < kFaces; ++f) {
+        if (!(wake[i] >> f & 1)) continue;
+        const int32_t other = table_.Neighbour(blocks[i], f);
+        if (table_[other].queued) continue;
+        table_[other].queued = true;
+        work[turn ^ 1].push_back(other);
+      }
+    }
+  }
+}
+
+void FieldUpdater::FinishBlock(int32_t id) {
+  BlockRecord& record = table_[id];
+  if (!record.data) return;
+  FieldBlock& block = *record.data;
+  for (FieldVoxel& v : block.voxels) {
+    if (v.state() != VoxelState::kUnknown) continue;
+    v.attributes &= ~kNegativeBit;
+    if (!v.has_site()) continue;
+    const int32_t squared = SquaredUnits(v);
+    if (squared > squared_inside_) continue;
+    // Behind: the way to the site leads along its normal, within 70 degrees. Beside the rim of a
+    // surface it does not, and nothing is known there.
+    constexpr float kBehindCosine = 0.35f;
+    const Eigen::Vector3f to_site(v.dx, v.dy, v.dz);
+    if (to_site.dot(NormalOfCode(v.normal_code())) >
+        kBehindCosine * std::sqrt(static_cast<float>(squared))) {
+      v.attributes |= kNegativeBit;
+    }
+  }
+}
+
+void FieldUpdater::Finish() {
+  const std::vector<int32_t>& written = table_.written();
+  stats_.written_blocks = written.size();
+  struct Outcome {
+    bool uniform;
+    std::vector<int32_t> references;
+  };
+  std::vector<Outcome> outcomes(written.size());
+  tbb::parallel_for(size_t{0}, written.size(), [&](size_t i) {
+    FinishBlock(written[i]);
+    const BlockRecord& record = table_[written[i]];
+    if (!record.data) return;
+    const FieldVoxel& first = record.data->voxels[0];
+    outcomes[i].uniform =
+        !first.has_site() && std::all_of(record.data->voxels.begin(), record.data->voxels.end(),
+                                         [&](const FieldVoxel& v) { return v == first; });
+    for (const BlockIndex& b : ReferencedBlocks(record.index, *record.data)) {
+      outcomes[i].references.push_back(table_[table_.Find(b)].sites);
+    }
+    std::sort(outcomes[i].references.begin(), outcomes[i].references.end());
+  });
+  for (size_t i = 0; i < written.size(); ++i) {
+    BlockRecord& record = table_[written[i]];
+    for (int32_t s : outcomes[i].references) {
+      if (!std::binary_search(record.references.begin(), record.references.end(), s)) {
+        sites_[s].referrers.push_back(written[i]);
+      }
+    }
+    record.references = std::move(outcomes[i].references);
+    if (record.data && outcomes[i].uniform) {
+      table_.MakeUniform(written[i], record.data->voxels[0].attributes & kVoxelBits);
+    }
+  }
+  for (int32_t s : changed_sites_) sites_[s].Settle();
+}
+
+void FieldUpdater::Publish() {
+  const auto publish = [&](int32_t id) {
+    const BlockRecord& record = table_[id];
+    const uint8_t tile = record.data || record.tile == 0 ? DistanceField::kNoTile : record.tile & 7;
+    field_.Set(record.index, record.data, tile);
+  };
+  for (int32_t id : table_.written()) publish(id);
+  for (int32_t id : retiled_) publish(id);
+}
+
+uint64_t FieldUpdater::MemoryBytes() const {
+  uint64_t bytes = table_.MemoryBytes();
+  for (const SiteBlock& s : sites_) {
+    bytes += sizeof(SiteBlock) + s.referrers.capacity() * sizeof(int32_t);
+  }
+  return bytes;
+}
+
+}  // namespace clearance

@@ -1,0 +1,65 @@
+// The surface sites that the closest-site field is built from, by block.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <vector>
+
+#include "server/esdf/site_extraction.h"
+#include "server/map/distance_field.h"
+
+namespace clearance {
+
+// A site counts as moved, and the field follows, when its position changes by more than half a
+// voxel, its sigma by more than a factor of two or its normal by more than 30 degrees. Smaller
+// moves leave the site where the field has it.
+inline constexpr int kIgnoredMoveUnits = 128;
+inline constexpr int kIgnoredSigmaCodes = 5;
+inline constexpr float kIgnoredNormalCosine = 0.85f;
+
+// The sites of one block, as the field knows them.
+class SiteBlock {
+ public:
+  explicit SiteBlock(const BlockIndex& index) : index_(index) {}
+
+  const BlockIndex& index() const { return index_; }
+  const BlockMask& mask() const { return mask_; }
+  // The site in the voxel at `offset` (from that voxel's centre), nullptr without one.
+  const FieldVoxel* Find(int offset) const {
+    const uint64_t word = mask_[offset >> 6], bit = uint64_t{1} << (offset & 63);
+    if (!(word & bit)) return nullptr;
+    return &sites_[first_[offset >> 6] + __builtin_popcountll(word & (bit - 1))];
+  }
+
+  // Takes the newest sites; small moves are ignored. Sets fresh() and gone().
+  void Update(const BlockSites& newest);
+  // Sites that are new or moved, and sites that moved or vanished, by the last Update().
+  const BlockMask& fresh() const { return fresh_; }
+  const BlockMask& gone() const { return gone_; }
+  bool changed() const { return fresh_ != BlockMask{} || gone_ != BlockMask{}; }
+  void Settle() { fresh_ = gone_ = {}; }
+
+  // Field blocks whose voxels may name a site of this block; may list more than do.
+  std::vector<int32_t> referrers;
+
+ private:
+  BlockIndex index_;
+  BlockMask mask_{}, fresh_{}, gone_{};
+  std::array<uint16_t, 8> first_{};  // number of sites before each word of the mask
+  std::vector<FieldVoxel> sites_;
+};
+
+using SiteTable = std::deque<SiteBlock>;
+
+// Calls fn(offset) for every set bit, rising.
+template <typename Fn>
+void ForEachSet(const BlockMask& mask, const Fn& fn) {
+  for (int word = 0; word < 8; ++word) {
+    for (uint64_t bits = mask[word]; bits; bits &= bits - 1) {
+      fn(word * 64 + __builtin_ctzll(bits));
+    }
+  }
+}
+
+}  // namespace clearance
