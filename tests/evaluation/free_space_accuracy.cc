@@ -1,0 +1,258 @@
+// Free space and ghosts of a sequence folder:
+//   free_space_accuracy FOLDER [--frames N] [--shrink-labels PX] [--late-labels N]
+//                       [--keep-contradicted] [--no-contradiction] [--states FILE.csv]
+// Fuses the frames and prints
+// - ghosts: voxels that an object swept and left, at least a voxel from any truly static surface
+// and
+//   with three or more rays through them since: how many are not free;
+// - truly occupied voxels (the cube contains static surface) that were observed, by state;
+// - the time of ObserveFreeSpace;
+// and writes the states around the sensor's height for comparison with gt/free_space.
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "server/integration/frame_integrator.h"
+#include "server/map/world_map.h"
+#include "tests/evaluation/label_damage.h"
+#include "tests/evaluation/state_box.h"
+#include "tests/evaluation/surface_truth.h"
+#include "tests/testing/ray_walk.h"
+#include "tests/testing/sequence_folder.h"
+
+namespace clearance::evaluation {
+namespace {
+
+struct Arguments {
+  std::filesystem::path folder;
+  int frames = 1 << 30, shrink = 0, late = 0;
+  bool contradiction = true, list = false;
+  std::string states;
+};
+
+Arguments Parse(int argc, char** argv) {
+  Arguments a;
+  for (int i = 1; i < argc; ++i) {
+    const std::string arg = argv[i];
+    const auto value = [&] {
+      if (++i == argc) throw std::runtime_error(arg + " needs a value");
+      return std::string(argv[i]);
+    };
+    if (arg == "--frames") {
+      a.frames = std::stoi(value());
+    } else if (arg == "--shrink-labels") {
+      a.shrink = std::stoi(value());
+    } else if (arg == "--late-labels") {
+      a.late = std::stoi(value());
+    } else if (arg == "--no-contradiction") {
+      a.contradiction = false;
+    } else if (arg == "--list") {
+      a.list = true;
+    } else if (arg == "--states") {
+      a.states = value();
+    } else {
+      a.folder = arg;
+    }
+  }
+  if (a.folder.empty()) throw std::runtime_error("usage: free_space_accuracy FOLDER [options]");
+  return a;
+}
+
+// What the true labels say about each voxel.
+struct Truth {
+  uint8_t surface = 0;      // surface_truth's bits
+  uint8_t static_hits = 0;  // static returns in the cube
+  uint8_t rays = 0;         // through the cube since an object left it, saturating
+  int16_t last_swept = -1;  // the last frame in which an object's return lay in the cube
+};
+
+uint8_t Plus1(uint8_t n) { return n < 255 ? n + 1 : n; }
+
+VoxelBox<Truth> MakeBox(const testing::SequenceFolder& sequence, int frames, double h) {
+  Eigen::AlignedBox3d bounds;
+  for (int k = 0; k < frames; k += std::max(1, frames / 20)) {
+    const Frame frame = ReadFrame(sequence, k);
+    testing::ForEachReturn(frame, [&](const Eigen::Vector3d& p_X, uint16_t) {
+      if (p_X.norm() <= sequence.max_range_m) bounds.extend(frame.T_W_X * p_X);
+    });
+  }
+  const Eigen::Vector3d margin = Eigen::Vector3d::Constant(8 * h);
+  return {VoxelOf(bounds.min() - margin, h), VoxelOf(bounds.max() + margin, h)};
+}
+
+// Marks what objects swept, then counts the rays that went through it afterwards.
+void MeasureTruth(const testing::SequenceFolder& sequence, int frames, double h,
+                  VoxelBox<Truth>& box) {
+  for (int k = 0; k < frames; ++k) {
+    const Frame frame = ReadFrame(sequence, k);
+    testing::ForEachReturn(frame, [&](const Eigen::Vector3d& p_X, uint16_t label) {
+      if (p_X.norm() > sequence.max_range_m) return;
+      Truth* t = box.Find(VoxelOf(frame.T_W_X * p_X, h));
+      if (!t) return;
+      if (label != 0) {
+        t->last_swept = static_cast<int16_t>(k);
+      } else {
+        t->static_hits = Plus1(t->static_hits);
+      }
+    });
+  }
+  for (int k = 1; k < frames; ++k) {
+    const Frame frame = ReadFrame(sequence, k);
+    const Eigen::Vector3d eye = frame.T_W_X.translation();
+    testing::ForEachReturn(frame, [&](const Eigen::Vector3d& p_X, uint16_t) {
+      const double range = p_X.norm();
+      const Eigen::Vector3d end =
+          frame.T_W_X * Eigen::Vector3d(p_X * std::min(1.0, sequence.max_range_m / range));
+      testing::WalkRay(eye, end, h, [&](const VoxelIndex& v, double, double) {
+        Truth* t = box.Find(v);
+        if (t && t->last_swept >= 0 && k > t->last_swept) t->rays = Plus1(t->rays);
+      });
+    });
+  }
+}
+
+// Without a mesh, truly static surface is where static returns lie that no object swept near.
+void MarkNearReturns(VoxelBox<Truth>& box) {
+  for (size_t i = 0; i < box.size(); ++i) {
+    if (box[i].static_hits < 2 || box[i].last_swept >= 0) continue;
+    box[i].surface |= kContainsSurface;
+    const VoxelIndex v = box.VoxelOfIndex(i);
+    for (int n = 0; n < 27; ++n) {
+      Truth* t = box.Find(v + VoxelIndex(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1));
+      if (t) t->surface |= kNearSurface;
+    }
+  }
+}
+
+struct Rates {
+  int ghosts[3] = {}, phantoms = 0;
+  int observed[3] = {};  // truly occupied with static returns, by state
+  int missed_sure = 0;
+  int seen_low = 0, seen_high = 0, truly_occupied = 0;
+};
+
+void Run(const Arguments& arguments) {
+  const testing::SequenceFolder sequence = testing::OpenSequence(arguments.folder);
+  const int frames = std::min(arguments.frames, sequence.size());
+  MapConfig config;
+  config.voxel_size_m = sequence.voxel_size_m;
+  config.max_range_m = sequence.max_range_m;
+  const double h = config.voxel_size_m;
+  WorldMap map(config);
+  const FrameIntegrator integrator(IntegratorOptions::For(config));
+  LateLabels late(arguments.late);
+  std::vector<double> times_ms;
+  for (int k = 0; k < frames; ++k) {
+    Frame frame = ReadFrame(sequence, k);
+    if (arguments.late > 0) late.Apply(frame);
+    if (arguments.shrink > 0) ShrinkLabels(arguments.shrink, frame);
+    auto update = integrator.Integrate(frame, map);
+    if (!update.ok()) throw std::runtime_error(std::string(update.status().message()));
+    {
+      const RangeImage image =
+          sequence.lidar
+              ? RangeImage::FromCloud(std::get<PointCloud>(frame.observation),
+                                      0.5 * h / sequence.max_range_m, sequence.max_range_m)
+              : RangeImage::FromDepth(std::get<DepthImage>(frame.observation),
+                                      sequence.max_range_m);
+      FreeSpaceOptions options{h, sequence.max_range_m};
+      const auto start = std::chrono::steady_clock::now();
+      const auto free = ObserveFreeSpace(image, frame.T_W_X, map.static_map(), options);
+      times_ms.push_back(
+          std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
+              .count());
+      if (free.empty()) std::printf("frame %d: no free space\n", k);
+    }
+    if (!arguments.contradiction) {
+      for (FreeBlock& f : update->static_surface.free) f.contradicted = {};
+    }
+    map.Apply(*update);
+  }
+  std::sort(times_ms.begin(), times_ms.end());
+  std::printf("ObserveFreeSpace: median %.2f ms, p95 %.2f ms\n", times_ms[times_ms.size() / 2],
+              times_ms[times_ms.size() * 95 / 100]);
+
+  VoxelBox<Truth> truth = MakeBox(sequence, frames, h);
+  const VoxelIndex low = truth.low(), high = truth.VoxelOfIndex(truth.size() - 1);
+  MeasureTruth(sequence, frames, h, truth);
+  if (std::filesystem::exists(sequence.path / "gt/static.ply")) {
+    VoxelBox<uint8_t> marks(low, high);
+    MarkSurface(testing::ReadMesh(sequence.path / "gt/static.ply"), h, marks);
+    for (size_t i = 0; i < marks.size(); ++i) truth[i].surface = marks[i];
+  } else {
+    MarkNearReturns(truth);
+  }
+  VoxelBox<StateOfVoxel> states(low, high);
+  ComposeStates(map.static_map(), map.fusion(), states);
+
+  Rates r;
+  for (size_t i = 0; i < truth.size(); ++i) {
+    const Truth& t = truth[i];
+    const StateOfVoxel& s = states[i];
+    const bool far = !(t.surface & kNearSurface);
+    if (t.last_swept >= 0 && far && t.rays >= 3) {
+      ++r.ghosts[static_cast<int>(s.known)];
+      if (arguments.list && s.known == Known::kOccupied) {
+        const VoxelIndex v = truth.VoxelOfIndex(i);
+        const Eigen::Vector3d c = VoxelCentre(v, h);
+        const BlockIndex b = BlockOf(v);
+        const float* mean = map.static_map().MeanBlock(b);
+        const float* weight = map.static_map().WeightBlock(b);
+        std::vector<int32_t> evidence(kHaloVoxels);
+        map.static_map().ReadEvidence(b, evidence.data());
+        const int o = OffsetOf(v);
+        const auto e = FreeEvidence::Unpack(evidence[HaloOffset(o >> 6, (o >> 3) & 7, o & 7)]);
+        std::printf(
+            "  ghost at %.2f %.2f %.2f: last swept %d, rays %d, mean %.3f weight %.2f, confident "
+            "%d probable %d contradicted %d\n",
+            c.x(), c.y(), c.z(), t.last_swept, t.rays, mean ? mean[OffsetOf(v)] : 9.f,
+            weight ? weight[OffsetOf(v)] : 0.f, e.confident, e.probable, e.contradicted);
+      }
+    }
+    if (far && s.known == Known::kOccupied) ++r.phantoms;
+    if (!(t.surface & kContainsSurface)) continue;
+    ++r.truly_occupied;
+    if (s.known == Known::kFree) ++(s.confident ? r.seen_high : r.seen_low);
+    if (t.static_hits > 0) ++r.observed[static_cast<int>(s.known)];
+  }
+  const int swept = r.ghosts[0] + r.ghosts[1] + r.ghosts[2];
+  std::printf("swept, left, seen again: %d voxels: %d free, %d unknown, %d OCCUPIED\n", swept,
+              r.ghosts[1], r.ghosts[0], r.ghosts[2]);
+  std::printf("occupied a voxel or more from static surface: %d\n", r.phantoms);
+  const int hit = r.observed[0] + r.observed[1] + r.observed[2];
+  std::printf(
+      "true surface with returns: %d voxels: %.3f %% occupied, %.3f %% free, %.3f %% unknown\n",
+      hit, 100.0 * r.observed[2] / hit, 100.0 * r.observed[1] / hit, 100.0 * r.observed[0] / hit);
+  std::printf("true surface: %d voxels: free at high confidence %.4f %%, at low %.4f %%\n",
+              r.truly_occupied, 100.0 * r.seen_high / r.truly_occupied,
+              100.0 * r.seen_low / r.truly_occupied);
+  if (!arguments.states.empty()) {
+    std::ofstream out(arguments.states);
+    out << "x,y,z,state\n";
+    for (size_t i = 0; i < states.size(); ++i) {
+      if (states[i].known == Known::kUnknown) continue;
+      const Eigen::Vector3d c = VoxelCentre(states.VoxelOfIndex(i), h);
+      if (c.z() < 0 || c.z() > 3) continue;
+      out << c.x() << ',' << c.y() << ',' << c.z() << ',' << static_cast<int>(states[i].known)
+          << '\n';
+    }
+  }
+}
+
+}  // namespace
+}  // namespace clearance::evaluation
+
+int main(int argc, char** argv) {
+  try {
+    clearance::evaluation::Run(clearance::evaluation::Parse(argc, argv));
+    return 0;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 2;
+  }
+}

@@ -1,0 +1,36 @@
+"""Coverage and accuracy of a reconstructed object mesh against the true shape."""
+import numpy as np
+from scipy.spatial import cKDTree
+
+from meshes import Mesh
+
+
+def evaluate(world, j, vertices_L, faces, frame=None, samples=50000):
+    """Measures of a mesh in the true body frame of object j, up to a frame (default: the last).
+
+    r_cov                share of true surface samples with a vertex within voxel / 2 * sqrt(3)
+    r_cov_surface        the same, measured to the triangles
+    ..._visible          the same over the samples in view in any frame up to `frame`
+    rmse_m               root mean square distance of the vertices to the true surface
+    """
+    sequence = world.sequence
+    frame = sequence.frame_count - 1 if frame is None else frame
+    reach = sequence.voxel_m / 2 * np.sqrt(3)
+    truth = world.objects[j]
+    points = truth.sample(samples)
+    visible = world.visible(j, points, range(frame + 1))
+    error = truth.nearest(vertices_L)[0] if len(vertices_L) else np.zeros(0)
+    some = len(error) > 0
+    result = {"object": j, "frame": frame, "vertices": len(vertices_L), "faces": len(faces),
+              "visible_share": float(visible.mean()),
+              "rmse_m": float(np.sqrt(np.mean(error**2))) if some else None,
+              "median_m": float(np.median(error)) if some else None,
+              "p95_m": float(np.percentile(error, 95)) if some else None,
+              "max_m": float(error.max()) if some else None}
+    near = cKDTree(vertices_L).query(points)[0] if some else np.full(len(points), np.inf)
+    to_surface = Mesh(vertices_L, faces).nearest(points)[0] if len(faces) else np.full(len(points), np.inf)
+    for name, distance in (("r_cov", near), ("r_cov_surface", to_surface)):
+        covered = distance < reach
+        result[name] = float(covered.mean())
+        result[name + "_visible"] = float(covered[visible].mean()) if visible.any() else None
+    return result
