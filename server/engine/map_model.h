@@ -44,6 +44,16 @@ class MapModel {
   };
   virtual absl::StatusOr<Edited> Edit(const RegionEdit& edit) = 0;
 
+  // A surface for exports: the static map's (id 0) or an object's, newest generation where 0. Valid
+  // until the next call that changes the map. NOT_FOUND naming the objects that exist.
+  struct Surface {
+    const SurfaceMap* map = nullptr;
+    Pose T_W_L = Pose::Identity();  // now
+    ObjectId id;
+    uint32_t generation = 0;
+  };
+  virtual absl::StatusOr<Surface> FindSurface(ObjectId id, uint32_t generation) = 0;
+
   // The state now. The engine fills in epoch and published_at.
   virtual MapView View() = 0;
   virtual MapSizes Sizes() = 0;

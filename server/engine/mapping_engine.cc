@@ -210,7 +210,9 @@ void MappingEngine::RunFrame(QueuedFrame item) {
     ack.violations.push_back({"frame", -1, std::string(integrated.status().message())});
     return Settle(item, std::move(ack));
   }
+  const Clock::time_point publishing = Clock::now();
   ack.stamp = StampOf(*Publish(true));
+  integrated->stages.emplace_back("publish", MsBetween(publishing, Clock::now()));
   ack.status = item.stripped ? FrameAck::Status::kDropped : FrameAck::Status::kIntegrated;
   ack.violations = std::move(integrated->violations);
   ack.integrate_ms = MsBetween(started, Clock::now());

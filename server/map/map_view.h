@@ -29,6 +29,7 @@ struct ObjectView {
   ObjectId id;
   uint32_t generation = 1;
   std::string class_name;
+  std::string source_id;  // the source that owns the pose chain
   LifeState life_state = LifeState::kTracked;
   Pose T_W_L;
   Twist twist;            // smoothed over the last frames; W, at L's origin

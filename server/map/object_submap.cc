@@ -119,6 +119,7 @@ ObjectView ObjectSubmap::View(int64_t stamp_ns) const {
   view.id = id_;
   view.generation = generation_;
   view.class_name = class_name_;
+  view.source_id = source_id_;
   view.life_state = life_state_;
   view.T_W_L = life_state_ == LifeState::kRetired ? T_W_L_ : CoastedTo(stamp_ns);
   view.screw_W = life_state_ == LifeState::kRetired ? Screw::Zero().eval() : screw_W_;

@@ -1,0 +1,48 @@
+// The map that the server runs: Alg. 1, Apply, distance field and object shapes, one after the
+// other.
+#pragma once
+
+#include <map>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "server/engine/map_model.h"
+#include "server/esdf/field_updater.h"
+#include "server/integration/frame_integrator.h"
+
+namespace clearance {
+
+class LiveMap final : public MapModel {
+ public:
+  explicit LiveMap(const MapConfig& config);
+
+  absl::StatusOr<Integrated> Integrate(const Frame& frame) override;
+  absl::StatusOr<Edited> Edit(const RegionEdit& edit) override;
+  MapView View() override;
+  MapSizes Sizes() override;
+  absl::StatusOr<Surface> FindSurface(ObjectId id, uint32_t generation) override;
+
+  const WorldMap& world() const { return world_; }
+
+ private:
+  using ShapeKey = std::pair<ObjectId, uint32_t>;  // and generation
+
+  void UpdateField(const AppliedChanges& changes);
+  void UpdateShapes(const AppliedChanges& changes);
+  ObjectView ViewOf(const ObjectSubmap& object, int64_t stamp_ns) const;
+
+  const MapConfig config_;
+  const FrameIntegrator integrator_;
+  WorldMap world_;
+  FieldUpdater updater_;
+  DistanceField field_;
+  // Shared by every view until the object's surface changes.
+  std::map<ShapeKey, std::shared_ptr<const ObjectShape>> shapes_;
+  std::optional<Eigen::AlignedBox<int32_t, 3>> observed_blocks_;
+};
+
+// Makes LiveMaps: the registry's default.
+MapModelFactory LiveMapFactory();
+
+}  // namespace clearance

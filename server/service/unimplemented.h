@@ -1,0 +1,44 @@
+// Reactors of RPCs that the contract declares and this server does not offer yet.
+#pragma once
+
+#include <grpcpp/support/server_callback.h>
+
+#include "absl/strings/str_format.h"
+
+namespace clearance {
+
+inline grpc::Status NotOffered(const char* method) {
+  return {grpc::StatusCode::UNIMPLEMENTED,
+          absl::StrFormat("%s is part of clearance.v1, but this server does not offer it yet; see "
+                          "AdminService/GetServerInfo for its version",
+                          method)};
+}
+
+inline grpc::ServerUnaryReactor* UnaryNotOffered(grpc::CallbackServerContext* context,
+                                                 const char* method) {
+  grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
+  reactor->Finish(NotOffered(method));
+  return reactor;
+}
+
+template <typename Response>
+grpc::ServerWriteReactor<Response>* WritesNotOffered(const char* method) {
+  class Reactor : public grpc::ServerWriteReactor<Response> {
+   public:
+    explicit Reactor(const char* method) { this->Finish(NotOffered(method)); }
+    void OnDone() override { delete this; }
+  };
+  return new Reactor(method);
+}
+
+template <typename Request, typename Response>
+grpc::ServerBidiReactor<Request, Response>* StreamNotOffered(const char* method) {
+  class Reactor : public grpc::ServerBidiReactor<Request, Response> {
+   public:
+    explicit Reactor(const char* method) { this->Finish(NotOffered(method)); }
+    void OnDone() override { delete this; }
+  };
+  return new Reactor(method);
+}
+
+}  // namespace clearance
