@@ -47,6 +47,18 @@ bool Any(Quad a) { return !_mm256_testz_si256(a.v, a.v); }
 Quad Both(int32_t value) { return {_mm256_set1_epi32(value)}; }
 Quad Zero() { return {_mm256_setzero_si256()}; }
 
+// 4 x 4 voxels in rows of 8; `to` may be `from`.
+void TransposeQuads(const uint64_t* from, uint64_t* to) {
+  const __m256i r0 = Quad::Load(from).v, r1 = Quad::Load(from + 8).v;
+  const __m256i r2 = Quad::Load(from + 16).v, r3 = Quad::Load(from + 24).v;
+  const __m256i a = _mm256_unpacklo_epi64(r0, r1), b = _mm256_unpackhi_epi64(r0, r1);
+  const __m256i c = _mm256_unpacklo_epi64(r2, r3), d = _mm256_unpackhi_epi64(r2, r3);
+  Quad{_mm256_permute2x128_si256(a, c, 0x20)}.Store(to);
+  Quad{_mm256_permute2x128_si256(b, d, 0x20)}.Store(to + 8);
+  Quad{_mm256_permute2x128_si256(a, c, 0x31)}.Store(to + 16);
+  Quad{_mm256_permute2x128_si256(b, d, 0x31)}.Store(to + 24);
+}
+
 #else
 
 struct Quad {
@@ -107,6 +119,14 @@ Quad Both(int32_t value) {
 }
 Quad Zero() { return {}; }
 
+void TransposeQuads(const uint64_t* from, uint64_t* to) {
+  uint64_t out[4][4];
+  for (int i = 0; i < 4; ++i) {
+    for (int j = 0; j < 4; ++j) out[j][i] = from[i * 8 + j];
+  }
+  for (int i = 0; i < 4; ++i) std::memcpy(to + i * 8, out[i], sizeof(out[i]));
+}
+
 #endif
 
 // Lane mask that keeps the vector and the site's attributes.
@@ -159,13 +179,16 @@ struct Lines {
   }
 };
 
-// [a][b][c] -> [a][c][b]
+// [a][b][c] -> [a][c][b], 4 x 4 voxels at a time.
 void Transpose(uint64_t* data) {
   for (int a = 0; a < 8; ++a) {
     uint64_t* m = data + a * 64;
-    for (int b = 0; b < 8; ++b) {
-      for (int c = b + 1; c < 8; ++c) std::swap(m[b * 8 + c], m[c * 8 + b]);
-    }
+    TransposeQuads(m, m);
+    TransposeQuads(m + 36, m + 36);
+    alignas(64) uint64_t corner[32];
+    for (int b = 0; b < 4; ++b) Quad::Load(m + b * 8 + 4).Store(corner + b * 8);
+    TransposeQuads(m + 32, m + 4);
+    TransposeQuads(corner, m + 32);
   }
 }
 
