@@ -6,7 +6,8 @@
 namespace clearance {
 namespace {
 
-// Shape of the rational quadratic; large, so that it is close to SE near zero but does not underflow.
+// Shape of the rational quadratic; large, so that it is close to SE near zero but does not
+// underflow.
 constexpr double kBeta = 50.0;
 
 // s >= 0 with (1 + s) exp(-s) = latent, by Newton's method on ln(1 + s) - s - ln(latent), which is

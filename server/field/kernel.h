@@ -6,8 +6,8 @@
 namespace clearance {
 
 // A stationary kernel k(r) with k(0) = 1, falling monotonically, and the reverting function
-// r = k^-1(o) that turns a latent value into a distance (VDB-GPDF, Sec. III; Le Gentil et al. 2023).
-// Values and distances in double: the latent of SE underflows float beyond 13 l.
+// r = k^-1(o) that turns a latent value into a distance (VDB-GPDF, Sec. III; Le Gentil et al.
+// 2023). Values and distances in double: the latent of SE underflows float beyond 13 l.
 class Kernel {
  public:
   Kernel(KernelType type, double length_m) : type_(type), length_m_(length_m) {}

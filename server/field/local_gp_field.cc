@@ -23,16 +23,18 @@ std::optional<LocalGpField> LocalGpField::Train(
   const Eigen::LLT<Eigen::MatrixXd> llt(K);
   if (llt.info() != Eigen::Success) return std::nullopt;
   field.L_ = llt.matrixL();
-  field.alpha_ = llt.solve(Eigen::VectorXd::Ones(n));  // targets are 1: the points are on the surface
+  field.alpha_ =
+      llt.solve(Eigen::VectorXd::Ones(n));  // targets are 1: the points are on the surface
   return field;
 }
 
 GpSample LocalGpField::Evaluate(const Eigen::Vector3f& x) const {
-  const Samples s = Evaluate(Eigen::Ref<const Eigen::Matrix3Xf>(Eigen::Matrix3Xf(x)));
+  const Samples s = EvaluateMany(Eigen::Matrix3Xf(x));
   return {s.latent[0], s.distance_m[0], s.foot.col(0), s.gradient.col(0), s.variance[0]};
 }
 
-LocalGpField::Samples LocalGpField::Evaluate(const Eigen::Ref<const Eigen::Matrix3Xf>& x) const {
+LocalGpField::Samples LocalGpField::EvaluateMany(
+    const Eigen::Ref<const Eigen::Matrix3Xf>& x) const {
   const Eigen::Index n = points_.cols(), m = x.cols();
   Eigen::MatrixXd K(n, m), W(n, m);
   for (Eigen::Index j = 0; j < m; ++j) {
@@ -56,8 +58,8 @@ LocalGpField::Samples LocalGpField::Evaluate(const Eigen::Ref<const Eigen::Matri
   out.gradient.resize(3, m);
   for (Eigen::Index j = 0; j < m; ++j) {
     out.distance_m[j] = static_cast<float>(kernel_.Inverse(latent[j]));
-    const Eigen::Vector3d away = x.col(j).cast<double>() - points_ * W.col(j) / weight[j];
-    out.gradient.col(j) = (away.norm() > 1e-9 ? away.normalized().eval() : away).cast<float>();
+    const Eigen::Vector3d away = x.col(j).cast<double>() * weight[j] - points_ * W.col(j);
+    out.gradient.col(j) = away.normalized().cast<float>();
     if (out.distance_m[j] == 0) out.gradient.col(j).setZero();
   }
   return out;

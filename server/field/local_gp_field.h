@@ -18,8 +18,8 @@ struct GpSample {
   // The nearest surface point as the field sees it, in the frame of the training points. With
   // w_i = -alpha_i k'(r_i) / r_i it is sum(w_i x_i) / sum(w_i), so that x - foot is the gradient of
   // the latent, scaled. For SE, where d^2 = -2 l^2 ln(o), it is exactly distance times gradient of
-  // the reverting field, d * grad d = -l^2 grad(o) / o, but free of the bias of its value: on points
-  // of a plane (x - foot) . n is the true signed distance, whatever the noise term.
+  // the reverting field, d * grad d = -l^2 grad(o) / o, but free of the bias of its value: on
+  // points of a plane (x - foot) . n is the true signed distance, whatever the noise term.
   Eigen::Vector3f foot = Eigen::Vector3f::Zero();
   // Unit gradient of the unsigned distance, away from the surface; zero on the surface itself.
   Eigen::Vector3f gradient = Eigen::Vector3f::Zero();
@@ -47,7 +47,7 @@ class LocalGpField {
     Eigen::ArrayXf latent, distance_m, variance;  // m
     Eigen::Matrix3Xf foot, gradient;              // 3 x m
   };
-  Samples Evaluate(const Eigen::Ref<const Eigen::Matrix3Xf>& x) const;
+  Samples EvaluateMany(const Eigen::Ref<const Eigen::Matrix3Xf>& x) const;
 
   const Eigen::VectorXd& alpha() const { return alpha_; }
 

@@ -33,7 +33,8 @@ struct LocalOrigin {
 };
 
 // Voxel offsets from the origin in 20 bits each, ordered like (block, offset in the block).
-constexpr int kReach = 1 << 19;  // voxels from the origin; farther points are out of any sensor's range
+constexpr int kReach =
+    1 << 19;  // voxels from the origin; farther points are out of any sensor's range
 constexpr uint64_t KeyOf(int x, int y, int z) {
   const uint64_t a = x + kReach, b = y + kReach, c = z + kReach;
   return ((a >> 3) << 43) | ((b >> 3) << 26) | ((c >> 3) << 9) | ((a & 7) << 6) | ((b & 7) << 3) |
@@ -60,9 +61,9 @@ void AppendRuns(const Eigen::Matrix3Xf& points_X, const uint32_t* begin, const u
       if (!(v.cwiseAbs().maxCoeff() < kReach - 1)) continue;
       first = v;
       corner = v * h;
-      runs.push_back({KeyOf(static_cast<int>(v.x()), static_cast<int>(v.y()),
-                            static_cast<int>(v.z())),
-                      p - corner, 1});
+      runs.push_back(
+          {KeyOf(static_cast<int>(v.x()), static_cast<int>(v.y()), static_cast<int>(v.z())),
+           p - corner, 1});
     } else {
       runs.back().sum += p - corner;
       ++runs.back().count;

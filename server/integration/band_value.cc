@@ -1,0 +1,50 @@
+#include "server/integration/band_value.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace clearance {
+namespace {
+
+// All in voxels.
+constexpr float kNearPlane = 0.7f;  // so near, the plane's own signed distance is the better one
+constexpr float kPlaneDecides = 0.35f;  // so near, the plane decides the sign as well
+constexpr float kSightTolerance = 2.f;  // unless the sensor looked this far past the point
+constexpr float kAcrossTolerance = 0.5f;
+constexpr float kDeepest = 1.75f;       // what lies deeper behind a surface says nothing about it
+constexpr float kDeepestAtEdge = 0.6f;  // behind a silhouette the surface turns away or ends
+
+float Signed(bool outside, float distance_m) { return outside ? distance_m : -distance_m; }
+
+}  // namespace
+
+std::optional<BandValue> DecideBandValue(const Sight& sight, float along_normal_m, float distance_m,
+                                         float cos_view, float variance, uint16_t id,
+                                         float voxel_size_m) {
+  const float near = std::abs(along_normal_m) / voxel_size_m;
+  BandValue out{along_normal_m, 1.f - variance};
+  if (!sight.usable) {
+    // Between sparse rays only the plane is left to tell the sides; far beside its points it is not
+    // to be trusted.
+    if (distance_m - std::abs(along_normal_m) > kNearPlane * voxel_size_m) return std::nullopt;
+  } else {
+    const float in_front = sight.in_front_m / voxel_size_m;
+    const bool outside = in_front > 0;
+    if (!outside && sight.label != id) return std::nullopt;  // hidden by something else
+    const bool consistent =
+        std::abs(in_front) < kSightTolerance || std::abs(in_front) * cos_view < kAcrossTolerance;
+    const bool agree = outside == (along_normal_m > 0);
+    const bool plane = agree ? near < kNearPlane : near < kPlaneDecides && consistent;
+    if (!plane) out.distance_m = Signed(outside, distance_m);
+  }
+  if (out.distance_m < 0) {
+    const float depth = -out.distance_m / voxel_size_m;
+    if (depth > kDeepest || (sight.edge_beyond && depth > kDeepestAtEdge)) return std::nullopt;
+    // Seen from another side, what is hidden here may be empty: let that side win.
+    out.weight *= std::max(0.f, 1.f - depth / 2.f);
+  }
+  if (!(out.weight > 0)) return std::nullopt;
+  return out;
+}
+
+}  // namespace clearance

@@ -1,0 +1,85 @@
+#include "server/integration/nearest_surface.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "server/field/lanes.h"
+
+namespace clearance {
+namespace {
+
+// Index distance between a voxel and a surface voxel whose centroid is within reach of its centre.
+int ReachInVoxels(float reach_voxels) {
+  return std::clamp(static_cast<int>(std::floor(reach_voxels + 0.5f)), 1, kBlockSide);
+}
+
+}  // namespace
+
+std::vector<BlockIndex> BandBlocksOf(const LocalVoxels& voxels, float reach_voxels) {
+  const int reach = ReachInVoxels(reach_voxels);
+  std::vector<BlockIndex> blocks;
+  blocks.reserve(voxels.blocks.size() * 8);
+  for (const LocalVoxels::Block& b : voxels.blocks) {
+    Eigen::Array3i low(kBlockSide, kBlockSide, kBlockSide), high(-1, -1, -1);
+    for (uint32_t i = b.begin; i < b.end; ++i) {
+      const Eigen::Array3i v = VoxelAt({0, 0, 0}, voxels.offset[i]).array();
+      low = low.min(v);
+      high = high.max(v);
+    }
+    const Eigen::Array3i from = (low < reach).select(Eigen::Array3i(-1, -1, -1), 0);
+    const Eigen::Array3i to = (high >= kBlockSide - reach).select(Eigen::Array3i(1, 1, 1), 0);
+    for (int dx = from.x(); dx <= to.x(); ++dx) {
+      for (int dy = from.y(); dy <= to.y(); ++dy) {
+        for (int dz = from.z(); dz <= to.z(); ++dz) {
+          blocks.push_back({b.block.x + dx, b.block.y + dy, b.block.z + dz});
+        }
+      }
+    }
+  }
+  std::sort(blocks.begin(), blocks.end());
+  blocks.erase(std::unique(blocks.begin(), blocks.end()), blocks.end());
+  return blocks;
+}
+
+std::array<int32_t, kBlockVoxels> NearestSurface(const LocalVoxels& voxels, const BlockTable& table,
+                                                 const BlockIndex& block, float reach_voxels) {
+  constexpr Lanes kCentres = {0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f};
+  const int reach = ReachInVoxels(reach_voxels);
+  const float per_h = 1.f / static_cast<float>(voxels.voxel_size_m);
+  std::array<Lanes, 64> best;  // squared distance in voxels; a row along z
+  std::array<LanesInt, 64> nearest;
+  best.fill(Splat(reach_voxels * reach_voxels));
+  nearest.fill(LanesInt{} - 1);
+  const std::array<int32_t, 27> around = table.Around(block);
+  for (int k = 0; k < 27; ++k) {
+    if (around[k] < 0) continue;
+    const Eigen::Vector3i step = StepAround(k) * kBlockSide;
+    for (uint32_t i = voxels.blocks[around[k]].begin; i < voxels.blocks[around[k]].end; ++i) {
+      const VoxelIndex v = VoxelAt({0, 0, 0}, voxels.offset[i]) + step;
+      if (v.z() < -reach || v.z() >= kBlockSide + reach) continue;
+      const Eigen::Vector3f c = voxels.centroid[i] * per_h + step.cast<float>();
+      const int x0 = std::max(0, v.x() - reach), x1 = std::min(kBlockSide - 1, v.x() + reach);
+      const int y0 = std::max(0, v.y() - reach), y1 = std::min(kBlockSide - 1, v.y() + reach);
+      const Lanes dz = kCentres - c.z();
+      const Lanes dz2 = dz * dz;
+      for (int x = x0; x <= x1; ++x) {
+        const float dx = static_cast<float>(x) + 0.5f - c.x();
+        for (int y = y0; y <= y1; ++y) {
+          const float dy = static_cast<float>(y) + 0.5f - c.y();
+          const Lanes d2 = dz2 + (dx * dx + dy * dy);
+          const int row = x * kBlockSide + y;
+          const LanesInt nearer = d2 < best[row];
+          best[row] = Select(nearer, d2, best[row]);
+          nearest[row] = nearer ? LanesInt{} + static_cast<int32_t>(i) : nearest[row];
+        }
+      }
+    }
+  }
+  std::array<int32_t, kBlockVoxels> out;
+  for (int row = 0; row < 64; ++row) {
+    for (int z = 0; z < kBlockSide; ++z) out[row * kBlockSide + z] = nearest[row][z];
+  }
+  return out;
+}
+
+}  // namespace clearance
