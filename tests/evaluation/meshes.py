@@ -92,7 +92,7 @@ class VoxelGrid:
     def index(self, points):
         """Integer cells [n, 3] relative to the grid, and which of them lie in it."""
         cells = np.floor(np.asarray(points) / self.voxel_m).astype(np.int64) - self.first
-        return cells, ((cells >= 0) & (cells < self.size)).all(1)
+        return cells, ((cells >= 0) & (cells < self.size)).all(-1)
 
     def centres(self, cells):
         return (cells + self.first + .5) * self.voxel_m
