@@ -42,6 +42,7 @@ std::vector<BlockIndex> BandBlocksOf(const LocalVoxels& voxels, float reach_voxe
 }
 
 std::array<int32_t, kBlockVoxels> NearestSurface(const LocalVoxels& voxels, const BlockTable& table,
+                                                 const std::vector<uint8_t>& skip,
                                                  const BlockIndex& block, float reach_voxels) {
   constexpr Lanes kCentres = {0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f};
   const int reach = ReachInVoxels(reach_voxels);
@@ -56,7 +57,7 @@ std::array<int32_t, kBlockVoxels> NearestSurface(const LocalVoxels& voxels, cons
     const Eigen::Vector3i step = StepAround(k) * kBlockSide;
     for (uint32_t i = voxels.blocks[around[k]].begin; i < voxels.blocks[around[k]].end; ++i) {
       const VoxelIndex v = VoxelAt({0, 0, 0}, voxels.offset[i]) + step;
-      if (v.z() < -reach || v.z() >= kBlockSide + reach) continue;
+      if (skip[i] || v.z() < -reach || v.z() >= kBlockSide + reach) continue;
       const Eigen::Vector3f c = voxels.centroid[i] * per_h + step.cast<float>();
       const int x0 = std::max(0, v.x() - reach), x1 = std::min(kBlockSide - 1, v.x() + reach);
       const int y0 = std::max(0, v.y() - reach), y1 = std::min(kBlockSide - 1, v.y() + reach);

@@ -7,6 +7,7 @@
 
 #include "server/integration/band_value.h"
 #include "server/integration/nearest_surface.h"
+#include "server/integration/range_noise.h"
 #include "server/integration/sight.h"
 #include "server/integration/surface_fields.h"
 
@@ -38,14 +39,14 @@ class BandObserver {
         id_(id),
         options_(options),
         table_(voxels),
-        fields_(voxels, table_, T_M_X.translation(), options.gp),
+        fields_(voxels, table_, T_M_X.translation(), EstimateNoise(image), options.gp),
         reach_voxels_(ReachVoxels(options, voxels.voxel_size_m)) {}
 
   float reach_voxels() const { return reach_voxels_; }
 
   BlockResult Observe(const BlockIndex& block) const {
     const std::array<int32_t, kBlockVoxels> nearest =
-        NearestSurface(voxels_, table_, block, reach_voxels_);
+        NearestSurface(voxels_, table_, fields_.strays(), block, reach_voxels_);
     // Voxels by their field; each field is evaluated at eight of them at once.
     std::vector<std::pair<int32_t, int>> tests;
     tests.reserve(kBlockVoxels);

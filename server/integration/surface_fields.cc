@@ -18,16 +18,36 @@ constexpr float kMaxNoiseFactor = 100.f;
 // Shifts beyond this share of a voxel are edges or noise, not curvature.
 constexpr float kMaxShiftVoxels = 0.5f;
 
+constexpr double kMaxStrayShare = 0.2;
+constexpr uint32_t kDensePoints = 10;
+
+// Noise of half a voxel scatters points over the voxels before and behind the surface. Those hold
+// few; a share of the neighbours' points tells them from thin surface, but only where there is
+// noise.
+float StrayShare(double noise_voxels) {
+  return static_cast<float>(std::clamp((noise_voxels - 0.1) / 0.3, 0.0, 1.0) * kMaxStrayShare);
+}
+
+// The miss of a centroid is noise as well as curvature.
+float ShiftGain(double noise_voxels) {
+  const double ratio = noise_voxels / 0.2;
+  return static_cast<float>(1.0 / (1.0 + ratio * ratio));
+}
+
 }  // namespace
 
 SurfaceFields::SurfaceFields(const LocalVoxels& voxels, const BlockTable& table,
-                             const Eigen::Vector3d& sensor_M, const GpOptions& options)
+                             const Eigen::Vector3d& sensor_M, double noise_m,
+                             const GpOptions& options)
     : voxels_(voxels),
       options_(options),
       length_m_(static_cast<float>(options.length_scale_voxels * voxels.voxel_size_m)),
+      stray_share_(StrayShare(noise_m / voxels.voxel_size_m)),
+      shift_gain_(ShiftGain(noise_m / voxels.voxel_size_m)),
       location_(voxels.offset.size()),
       block_of_(voxels.offset.size()),
       neighbours_(voxels.offset.size()),
+      stray_(voxels.offset.size()),
       normal_(voxels.offset.size()),
       shift_(voxels.offset.size()) {
   if (options_.kernel != KernelType::kSquaredExponential) reference_.resize(voxels.offset.size());
@@ -43,8 +63,7 @@ SurfaceFields::SurfaceFields(const LocalVoxels& voxels, const BlockTable& table,
                     [&](size_t c) { TrainChunk(static_cast<uint32_t>(c), table, sensor_M); });
 }
 
-void SurfaceFields::Gather(size_t block, const BlockTable& table,
-                           std::vector<Neighbourhood>& out) const {
+void SurfaceFields::Gather(size_t block, const BlockTable& table, std::vector<Neighbourhood>& out) {
   const float block_m = static_cast<float>(kBlockSide * voxels_.voxel_size_m);
   // Voxels around the block by position, and the centroids' origins.
   std::array<int32_t, kHaloVoxels> at;
@@ -63,6 +82,7 @@ void SurfaceFields::Gather(size_t block, const BlockTable& table,
     const VoxelIndex v = VoxelAt({0, 0, 0}, voxels_.offset[i]);
     Neighbourhood& n = out.emplace_back();
     float points = 0;
+    uint32_t most = 0;
     for (int dx = -1; dx <= 1; ++dx) {
       for (int dy = -1; dy <= 1; ++dy) {
         for (int dz = -1; dz <= 1; ++dz) {
@@ -74,9 +94,24 @@ void SurfaceFields::Gather(size_t block, const BlockTable& table,
           n.voxel[n.count] = static_cast<uint32_t>(j);
           n.point[n.count] = voxels_.centroid[j] + step * block_m;
           points += static_cast<float>(voxels_.count[j]);
+          most = std::max(most, voxels_.count[j]);
           ++n.count;
         }
       }
+    }
+    if (most >= kDensePoints) {
+      const float fewest = stray_share_ * static_cast<float>(most);
+      stray_[i] = static_cast<float>(voxels_.count[i]) < fewest;
+      int kept = 0;
+      points = 0;
+      for (int k = 0; k < n.count; ++k) {
+        if (static_cast<float>(voxels_.count[n.voxel[k]]) < fewest) continue;
+        n.voxel[kept] = n.voxel[k];
+        n.point[kept] = n.point[k];
+        points += static_cast<float>(voxels_.count[n.voxel[k]]);
+        ++kept;
+      }
+      n.count = kept;
     }
     const float mean_points = points / static_cast<float>(n.count);
     for (int k = 0; k < n.count; ++k) {
@@ -164,7 +199,7 @@ void SurfaceFields::FindNormalsAndShifts(const Chunk& chunk, const Batch& batch,
     // shows by how much. Moving every centroid by its own miss undoes most of it.
     const Eigen::Vector3f f(foot[0][lane], foot[1][lane], foot[2][lane]);
     const float miss = normal.dot(p - f);
-    shift_[voxel] = std::abs(miss) < limit_m ? Eigen::Vector3f(miss * normal)
+    shift_[voxel] = std::abs(miss) < limit_m ? Eigen::Vector3f(shift_gain_ * miss * normal)
                                              : Eigen::Vector3f(Eigen::Vector3f::Zero());
     if (!reference_.empty()) {
       const Kernel kernel(options_.kernel, length_m_);

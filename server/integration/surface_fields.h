@@ -20,9 +20,9 @@ namespace clearance {
 class SurfaceFields {
  public:
   // sensor_M: where the sensor was, in the voxels' frame; normals point towards it. `voxels` must
-  // outlive the fields.
+  // outlive the fields. noise_m: standard deviation of one point along its ray.
   SurfaceFields(const LocalVoxels& voxels, const BlockTable& table, const Eigen::Vector3d& sensor_M,
-                const GpOptions& options);
+                double noise_m, const GpOptions& options);
 
   // A field at eight points, metres from the origin of its voxel's block.
   struct Samples {
@@ -33,6 +33,8 @@ class SurfaceFields {
 
   // Unit normal of the centroids around a voxel, towards the sensor.
   const Eigen::Vector3f& normal(uint32_t voxel) const { return normal_[voxel]; }
+  // Voxels of few points beside voxels of many are noise; they have no field. By voxel, 0 or 1.
+  const std::vector<uint8_t>& strays() const { return stray_; }
   const BlockIndex& block_of(uint32_t voxel) const {
     return voxels_.blocks[block_of_[voxel]].block;
   }
@@ -61,7 +63,7 @@ class SurfaceFields {
     uint8_t lane = 0, count = 0;
   };
 
-  void Gather(size_t block, const BlockTable& table, std::vector<Neighbourhood>& out) const;
+  void Gather(size_t block, const BlockTable& table, std::vector<Neighbourhood>& out);
   void TrainChunk(uint32_t chunk, const BlockTable& table, const Eigen::Vector3d& sensor_M);
   void FindNormalsAndShifts(const Chunk& chunk, const Batch& batch,
                             const std::vector<Neighbourhood>& neighbourhoods,
@@ -71,10 +73,12 @@ class SurfaceFields {
   const LocalVoxels& voxels_;
   GpOptions options_;
   float length_m_;
+  float stray_share_, shift_gain_;
   std::vector<Chunk> chunks_;
   std::vector<Location> location_;                                     // by voxel
   std::vector<uint32_t> block_of_;                                     // by voxel
   std::vector<std::array<uint32_t, GpBatch::kMaxPoints>> neighbours_;  // by voxel
+  std::vector<uint8_t> stray_;                                         // by voxel
   std::vector<Eigen::Vector3f> normal_;                                // by voxel
   std::vector<Eigen::Vector3f> shift_;  // by voxel; undoes the curvature bias of the foot
   std::vector<std::optional<LocalGpField>> reference_;  // by voxel, kernels other than SE
