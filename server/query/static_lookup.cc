@@ -27,19 +27,18 @@ const FieldVoxel* VoxelIn(const DistanceField::Region* region, int block, int of
 
 // The cell of voxel centres that holds a point, on its way through the stages.
 struct Cell {
-  VoxelIndex low;                       // voxel of corner 0
-  float fraction[3];                    // of the point, from corner 0, in voxels
-  int own;                              // corner of the point's own voxel
-  bool one_block;                       // all corners in the block of corner 0
+  VoxelIndex low;     // voxel of corner 0
+  float fraction[3];  // of the point, from corner 0, in voxels
+  int own;            // corner of the point's own voxel
+  bool one_block;     // all corners in the block of corner 0
+  bool one_value;     // with one_block: no data there, every corner is *corners[0]
   const DistanceField::Region* region;  // of corner 0
-  const FieldVoxel* first;              // with one_block: corner 0, or absent and not `data`
-  bool data;
+  const FieldVoxel* corners[8];         // with one_block only the first is set
 };
 
 constexpr int kCornerOffset[8] = {0, 1, 8, 9, 64, 65, 72, 73};
 
-Cell CellOf(const Eigen::Vector3d& point_W, double voxel_size_m) {
-  Cell cell;
+void LocateCell(const Eigen::Vector3d& point_W, double voxel_size_m, Cell& cell) {
   cell.own = 0;
   for (int axis = 0; axis < 3; ++axis) {
     const double u = point_W[axis] / voxel_size_m - 0.5;
@@ -49,19 +48,25 @@ Cell CellOf(const Eigen::Vector3d& point_W, double voxel_size_m) {
     cell.own = cell.own * 2 + (u - low >= 0.5 ? 1 : 0);
   }
   cell.one_block = (cell.low.x() & 7) != 7 && (cell.low.y() & 7) != 7 && (cell.low.z() & 7) != 7;
-  return cell;
 }
 
 BlockIndex RegionOf(const BlockIndex& block) { return {block.x >> 3, block.y >> 3, block.z >> 3}; }
 
-void GatherOneBlock(const Cell& cell, FieldVoxel corners[8]) {
-  if (!cell.data) {
-    for (int k = 0; k < 8; ++k) corners[k] = *cell.first;
-    return;
+void Gather(const Cell& cell, FieldVoxel corners[8]) {
+  if (!cell.one_block) {
+    for (int k = 0; k < 8; ++k) corners[k] = *cell.corners[k];
+  } else if (cell.one_value) {
+    for (int k = 0; k < 8; ++k) corners[k] = *cell.corners[0];
+  } else {
+    for (int row = 0; row < 4; ++row) {
+      std::memcpy(&corners[2 * row], cell.corners[0] + kCornerOffset[2 * row],
+                  2 * sizeof(FieldVoxel));
+    }
   }
-  for (int row = 0; row < 4; ++row) {
-    std::memcpy(&corners[2 * row], cell.first + kCornerOffset[2 * row], 2 * sizeof(FieldVoxel));
-  }
+}
+
+VoxelIndex CornerVoxel(const Cell& cell, int k) {
+  return {cell.low.x() + (k >> 2), cell.low.y() + ((k >> 1) & 1), cell.low.z() + (k & 1)};
 }
 
 }  // namespace
@@ -90,40 +95,43 @@ void StaticLookup::Answer(const Eigen::Vector3d* points_W, int count, StaticAnsw
   Cell cells[kLookupGroup];
   for (int i = 0; i < count; ++i) {
     Cell& cell = cells[i];
-    cell = CellOf(points_W[i], field_.voxel_size_m());
+    LocateCell(points_W[i], field_.voxel_size_m(), cell);
     const BlockIndex block = BlockOf(cell.low);
     cell.region = FindRegion(RegionOf(block));
-    if (cell.region != nullptr) {
-      __builtin_prefetch(&cell.region->blocks[DistanceField::RegionOffset(block)]);
-    }
+    if (cell.region == nullptr) continue;
+    const int offset = DistanceField::RegionOffset(block);
+    __builtin_prefetch(&cell.region->blocks[offset]);
+    if (cell.one_block) continue;
+    // The farthest neighbour's pointer; the ones between mostly share a line with either. Wrong at a
+    // region's border, where it only fetches in vain.
+    const int step = DistanceField::RegionOffset(BlockOf(CornerVoxel(cell, 7)));
+    __builtin_prefetch(&cell.region->blocks[step]);
+    __builtin_prefetch(&cell.region->blocks[(offset & 0700) | (step & 077)]);
+    __builtin_prefetch(&cell.region->blocks[(step & 0700) | (offset & 077)]);
   }
   for (int i = 0; i < count; ++i) {
     Cell& cell = cells[i];
     const int block = DistanceField::RegionOffset(BlockOf(cell.low));
-    cell.first = VoxelIn(cell.region, block, OffsetOf(cell.low));
-    cell.data = cell.region != nullptr && cell.region->blocks[block] != nullptr;
-    if (!cell.data) continue;
-    __builtin_prefetch(cell.first);
+    cell.corners[0] = VoxelIn(cell.region, block, OffsetOf(cell.low));
     if (cell.one_block) {
-      __builtin_prefetch(cell.first + 8);
-      __builtin_prefetch(cell.first + 64);
-      __builtin_prefetch(cell.first + 72);
+      cell.one_value = cell.region == nullptr || cell.region->blocks[block] == nullptr;
+      if (cell.one_value) continue;
+      for (int row = 0; row < 4; ++row) __builtin_prefetch(cell.corners[0] + kCornerOffset[2 * row]);
+      continue;
+    }
+    __builtin_prefetch(cell.corners[0]);
+    for (int k = 1; k < 8; ++k) {
+      const VoxelIndex voxel = CornerVoxel(cell, k);
+      const BlockIndex other = BlockOf(voxel);
+      cell.corners[k] = VoxelIn(FindRegion(RegionOf(other)), DistanceField::RegionOffset(other),
+                                OffsetOf(voxel));
+      __builtin_prefetch(cell.corners[k]);
     }
   }
   for (int i = 0; i < count; ++i) {
     const Cell& cell = cells[i];
     FieldVoxel corners[8];
-    if (cell.one_block) {
-      GatherOneBlock(cell, corners);
-    } else {
-      corners[0] = *cell.first;
-      for (int k = 1; k < 8; ++k) {
-        const VoxelIndex voxel = cell.low + VoxelIndex(k >> 2, (k >> 1) & 1, k & 1);
-        const BlockIndex block = BlockOf(voxel);
-        corners[k] = *VoxelIn(FindRegion(RegionOf(block)), DistanceField::RegionOffset(block),
-                              OffsetOf(voxel));
-      }
-    }
+    Gather(cell, corners);
     BlendCorners(corners, cell.fraction, &answers[i]);
     answers[i].state = corners[cell.own].attributes & 7;
   }
