@@ -13,6 +13,8 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
+#include <map>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -85,21 +87,104 @@ VoxelBox<Truth> MakeBox(const testing::SequenceFolder& sequence, int frames, dou
   return {VoxelOf(bounds.min() - margin, h), VoxelOf(bounds.max() + margin, h)};
 }
 
+// A mover's box in one frame; boxes sweep the insides of objects, which no return marks.
+struct BoxInFrame {
+  int frame;
+  Pose T_W_B = Pose::Identity();
+  Eigen::AlignedBox3d box;
+};
+
+std::vector<BoxInFrame> ReadBoxes(const testing::SequenceFolder& sequence) {
+  const bool simulated = std::filesystem::exists(sequence.path / "gt/object_poses.csv");
+  std::ifstream in(sequence.path / (simulated ? "gt/object_poses.csv" : "object_poses.csv"));
+  std::map<int, Eigen::AlignedBox3d> shapes;
+  std::vector<BoxInFrame> boxes;
+  std::string line;
+  for (std::getline(in, line); std::getline(in, line);) {
+    std::vector<std::string> cells;
+    std::istringstream row(line);
+    for (std::string cell; std::getline(row, cell, ',');) cells.push_back(cell);
+    if (!simulated) cells.erase(cells.begin() + 2);  // the class
+    const auto number = [&](int i) { return std::stod(cells.at(i)); };
+    BoxInFrame b;
+    b.frame = std::stoi(cells[0]);
+    const int id = std::stoi(cells[1]);
+    b.T_W_B = Eigen::Translation3d(number(2), number(3), number(4)) *
+              Eigen::Quaterniond(number(8), number(5), number(6), number(7)).normalized();
+    if (simulated) {
+      Eigen::AlignedBox3d& shape = shapes[id];
+      if (shape.isEmpty()) {
+        const auto path = sequence.path / "gt/objects" / (std::to_string(id) + ".ply");
+        for (const Eigen::Vector3d& p : testing::ReadMesh(path).vertices) shape.extend(p);
+      }
+      b.box = shape;
+    } else {
+      const Eigen::Vector3d half = Eigen::Vector3d(number(9), number(10), number(11)) / 2;
+      b.box = Eigen::AlignedBox3d(-half, half);
+    }
+    boxes.push_back(b);
+  }
+  return boxes;
+}
+
+void MarkSwept(const BoxInFrame& b, double h, VoxelBox<Truth>& box) {
+  Eigen::AlignedBox3d reach;
+  for (int i = 0; i < 8; ++i) {
+    reach.extend(b.T_W_B * b.box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(i)));
+  }
+  const VoxelIndex low = VoxelOf(reach.min(), h), high = VoxelOf(reach.max(), h);
+  for (int x = low.x(); x <= high.x(); ++x) {
+    for (int y = low.y(); y <= high.y(); ++y) {
+      for (int z = low.z(); z <= high.z(); ++z) {
+        Truth* t = box.Find({x, y, z});
+        if (t && b.box.contains(b.T_W_B.inverse() * VoxelCentre({x, y, z}, h))) {
+          t->last_swept = std::max(t->last_swept, static_cast<int16_t>(b.frame));
+        }
+      }
+    }
+  }
+}
+
 // Marks what objects swept, then counts the rays that went through it afterwards.
 void MeasureTruth(const testing::SequenceFolder& sequence, int frames, double h,
                   VoxelBox<Truth>& box) {
+  const std::vector<BoxInFrame> boxes = ReadBoxes(sequence);
+  for (const BoxInFrame& b : boxes) {
+    if (b.frame < frames) MarkSwept(b, h, box);
+  }
   for (int k = 0; k < frames; ++k) {
     const Frame frame = ReadFrame(sequence, k);
+    std::vector<BoxInFrame> now;
+    std::copy_if(boxes.begin(), boxes.end(), std::back_inserter(now),
+                 [&](const BoxInFrame& b) { return b.frame == k; });
     testing::ForEachReturn(frame, [&](const Eigen::Vector3d& p_X, uint16_t label) {
       if (p_X.norm() > sequence.max_range_m) return;
-      Truth* t = box.Find(VoxelOf(frame.T_W_X * p_X, h));
+      const Eigen::Vector3d p_W = frame.T_W_X * p_X;
+      Truth* t = box.Find(VoxelOf(p_W, h));
       if (!t) return;
       if (label != 0) {
-        t->last_swept = static_cast<int16_t>(k);
-      } else {
-        t->static_hits = Plus1(t->static_hits);
+        t->last_swept = std::max(t->last_swept, static_cast<int16_t>(k));
+        return;
       }
+      // A recording's labels are rough: near a mover's box nothing is surely static.
+      const bool surely = std::none_of(now.begin(), now.end(), [&](const BoxInFrame& b) {
+        return b.box.exteriorDistance(b.T_W_B.inverse() * p_W) < 0.5;
+      });
+      if (surely) t->static_hits = Plus1(t->static_hits);
     });
+  }
+  // Left only once the neighbours are left, too: bodies move between frames.
+  VoxelBox<int16_t> last(box.low(), box.VoxelOfIndex(box.size() - 1));
+  for (size_t i = 0; i < box.size(); ++i) {
+    if (box[i].last_swept < 0) continue;
+    const VoxelIndex v = box.VoxelOfIndex(i);
+    for (int n = 0; n < 27; ++n) {
+      int16_t* l = last.Find(v + VoxelIndex(n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1));
+      if (l) *l = std::max(*l, box[i].last_swept);
+    }
+  }
+  for (size_t i = 0; i < box.size(); ++i) {
+    if (box[i].last_swept >= 0) box[i].last_swept = last[i];
   }
   for (int k = 1; k < frames; ++k) {
     const Frame frame = ReadFrame(sequence, k);
@@ -116,10 +201,10 @@ void MeasureTruth(const testing::SequenceFolder& sequence, int frames, double h,
   }
 }
 
-// Without a mesh, truly static surface is where static returns lie that no object swept near.
+// Without a mesh, truly static surface is where static returns lie that no mover can have caused.
 void MarkNearReturns(VoxelBox<Truth>& box) {
   for (size_t i = 0; i < box.size(); ++i) {
-    if (box[i].static_hits < 2 || box[i].last_swept >= 0) continue;
+    if (box[i].static_hits == 0) continue;
     box[i].surface |= kContainsSurface;
     const VoxelIndex v = box.VoxelOfIndex(i);
     for (int n = 0; n < 27; ++n) {

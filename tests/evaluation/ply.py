@@ -1,4 +1,6 @@
 """Reads and writes the PLY files of sequence folders and of the server."""
+import pathlib
+
 import numpy as np
 
 _TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
@@ -26,7 +28,7 @@ def _header(data, path):
 
 def read(path):
     """Vertices as a structured array and triangles [n, 3] (none in a cloud)."""
-    data = open(path, "rb").read()
+    data = pathlib.Path(path).read_bytes()
     elements, at = _header(data, path)
     vertices, faces = np.zeros(0, _CLOUD), np.zeros((0, 3), np.uint32)
     for name, count, properties in elements:

@@ -10,6 +10,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -216,7 +217,7 @@ void truth_count_rays(const double* eye, const double* ends, size_t count, const
       (Eigen::Map<const Eigen::Vector3d>(eye) - Eigen::Map<const Eigen::Vector3d>(origin)) /
       voxel_m;
   const Points targets(ends, 3, static_cast<Eigen::Index>(count));
-  for (size_t r = 0; r < count; ++r) {
+  ForEach(count, [&](size_t r) {
     const Eigen::Vector3d to =
         (targets.col(static_cast<Eigen::Index>(r)) - Eigen::Map<const Eigen::Vector3d>(origin)) /
         voxel_m;
@@ -234,7 +235,7 @@ void truth_count_rays(const double* eye, const double* ends, size_t count, const
       enter = std::max(enter, std::min(t0, t1));
       leave = std::min(leave, std::max(t0, t1));
     }
-    if (enter >= leave) continue;
+    if (enter >= leave) return;
     int64_t cell[3];
     int64_t step[3];
     double next[3];
@@ -251,12 +252,15 @@ void truth_count_rays(const double* eye, const double* ends, size_t count, const
       const int a = next[0] < next[1] ? (next[0] < next[2] ? 0 : 2) : (next[1] < next[2] ? 1 : 2);
       if (next[a] >= 1.0) break;  // the ray ends in this cell
       const int64_t index = (cell[0] * size[1] + cell[1]) * size[2] + cell[2];
-      if (open_after[index] >= 0 && open_after[index] < frame) ++counts[index];
+      if (open_after[index] >= 0 && open_after[index] < frame) {
+        // Sums do not depend on the order of the threads.
+        std::atomic_ref<uint32_t>(counts[index]).fetch_add(1, std::memory_order_relaxed);
+      }
       cell[a] += step[a];
       if (cell[a] < 0 || cell[a] >= size[a]) break;
       next[a] += delta[a];
     }
-  }
+  });
 }
 
 }  // extern "C"
