@@ -15,7 +15,7 @@ namespace {
 constexpr double kMaxDistanceVoxels = 120;
 constexpr size_t kMaxTrajectoryPoses = 40'000;  // 2.6 MB of a reply
 
-void FillTrajectory(const MapView& view, v1::SourceInfo* out) {
+void FillTrajectory(const MapView& view, v1::MapInfo* out) {
   if (!view.sensor_path) return;
   const std::vector<PoseStamp>& path = *view.sensor_path;
   const size_t first = path.size() - std::min(path.size(), kMaxTrajectoryPoses);
@@ -95,8 +95,7 @@ void FillMapInfo(const MappingEngine& engine, bool include_trajectory, v1::MapIn
     info->set_frames_dropped(source.dropped);
     info->set_frames_rejected(source.rejected);
   }
-  // The map records one path; with several sources it belongs to all, and the first one shows it.
-  if (include_trajectory && out->sources_size() > 0) FillTrajectory(*view, out->mutable_sources(0));
+  if (include_trajectory) FillTrajectory(*view, out);
 }
 
 absl::StatusOr<RegionEdit> RegionEditFromProto(const v1::EditRegionRequest& request) {

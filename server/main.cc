@@ -1,0 +1,149 @@
+// clearance_server: wiring only.
+#include <signal.h>
+
+#include <CLI/CLI.hpp>
+#include <iostream>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "server/config/server_config.h"
+#include "server/engine/live_map.h"
+#include "server/engine/map_registry.h"
+#include "server/service/http/http_server.h"
+#include "server/service/server.h"
+
+namespace {
+
+// As the `clearance` command's: 2 usage, 4 bad data, 5 unavailable.
+enum ExitCode { kOk = 0, kFailed = 1, kUsage = 2, kUnavailable = 5 };
+
+struct Flags {
+  std::string config;
+  std::vector<std::string> listen;
+  std::string socket, http;
+  std::vector<std::string> settings;
+  bool allow_remote_plaintext = false;
+};
+
+absl::Status Configure(const Flags& flags, clearance::ServerConfig* config) {
+  if (!flags.config.empty()) {
+    if (absl::Status s = clearance::ApplyFile(flags.config, config); !s.ok()) return s;
+  }
+  if (absl::Status s = clearance::ApplyEnvironment(config); !s.ok()) return s;
+  for (const std::string& setting : flags.settings) {
+    const size_t equals = setting.find('=');
+    if (equals == std::string::npos) {
+      return absl::InvalidArgumentError("--set: got '" + setting + "', expected KEY=VALUE");
+    }
+    if (absl::Status s = clearance::ApplySetting(setting.substr(0, equals),
+                                                 setting.substr(equals + 1), "--set", config);
+        !s.ok()) {
+      return s;
+    }
+  }
+  if (!flags.listen.empty()) config->listen = flags.listen;
+  if (!flags.socket.empty()) config->socket = flags.socket == "none" ? "" : flags.socket;
+  if (!flags.http.empty()) config->http = flags.http;
+  if (flags.allow_remote_plaintext) config->allow_remote_plaintext = true;
+  return config->Validate();
+}
+
+clearance::RegistryOptions RegistryOptionsOf(const clearance::ServerConfig& config) {
+  clearance::RegistryOptions options;
+  options.model = clearance::LiveMapFactory();
+  options.max_maps = config.max_maps;
+  options.engine.queue_frames = config.queue_frames;
+  return options;
+}
+
+clearance::ServerOptions ServerOptionsOf(const clearance::ServerConfig& config) {
+  clearance::ServerOptions options;
+  options.listen = config.listen;
+  options.socket = config.socket;
+  options.limits.max_message_bytes = config.max_message_bytes;
+  options.limits.max_query_points = config.max_query_points;
+  options.limits.max_slice_cells = config.max_slice_cells;
+  options.limits.max_frame_points = config.max_frame_points;
+  options.limits.max_image_pixels = config.max_image_pixels;
+  options.limits.max_motions = config.max_motions;
+  options.limits.max_maps = config.max_maps;
+  options.limits.max_wait_s = config.max_wait_s;
+  options.limits.credits = config.credits;
+  options.limits.live_credits = config.live_credits;
+  options.limits.map_defaults = config.map;
+  options.worker_threads = config.worker_threads;
+  options.worker_queue = config.worker_queue;
+  options.drain_timeout =
+      std::chrono::milliseconds(static_cast<int64_t>(config.drain_timeout_s * 1e3));
+  return options;
+}
+
+int Fail(const absl::Status& status, int code) {
+  std::cerr << "clearance_server: " << status.message() << std::endl;
+  return code;
+}
+
+int Serve(const clearance::ServerConfig& config, const sigset_t& stop_signals) {
+  clearance::MapRegistry registry(RegistryOptionsOf(config));
+  if (config.create_default_map) {
+    const auto map = registry.Create(clearance::kDefaultMapId, config.map);
+    if (!map.ok()) return Fail(map.status(), kFailed);
+  }
+  const auto server = clearance::ClearanceServer::Start(&registry, ServerOptionsOf(config));
+  if (!server.ok()) return Fail(server.status(), kUnavailable);
+  std::unique_ptr<clearance::HttpServer> http;
+  if (config.http != "off" && !config.http.empty()) {
+    auto started = clearance::HttpServer::Start(config.http, &(*server)->context());
+    if (!started.ok()) {
+      return Fail(absl::Status(started.status().code(),
+                               std::string(started.status().message()) + " (--http off for none)"),
+                  kUnavailable);
+    }
+    http = *std::move(started);
+  }
+  for (const std::string& address : (*server)->addresses()) {
+    std::cout << "gRPC on " << address << "\n";
+  }
+  if (http) std::cout << "HTTP on " << http->address() << "\n";
+  std::cout << "ready" << std::endl;
+
+  int signal = 0;
+  sigwait(&stop_signals, &signal);
+  std::cout << "draining" << std::endl;
+  const bool settled = (*server)->Drain();
+  std::cout << (settled ? "stopped" : "stopped; some frames were left unsettled") << std::endl;
+  return kOk;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  // Blocked before any thread starts, so that only sigwait sees them.
+  sigset_t stop_signals;
+  sigemptyset(&stop_signals);
+  sigaddset(&stop_signals, SIGTERM);
+  sigaddset(&stop_signals, SIGINT);
+  pthread_sigmask(SIG_BLOCK, &stop_signals, nullptr);
+
+  CLI::App app("Clearance: a map server that answers how far the nearest surface is.");
+  Flags flags;
+  app.add_option("--config", flags.config, "YAML file; see server/config/default.yaml");
+  app.add_option("--listen", flags.listen,
+                 "HOST:PORT for gRPC; repeatable; replaces server.listen");
+  app.add_option("--socket", flags.socket, "path of a unix socket for gRPC, or none");
+  app.add_option("--http", flags.http, "HOST:PORT for metrics and health, or off");
+  app.add_option("--set", flags.settings,
+                 "KEY=VALUE, for example map.voxel_size_m=0.2; repeatable");
+  app.add_flag("--allow-remote-plaintext", flags.allow_remote_plaintext,
+               "serve plain text beyond loopback");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    const int code = app.exit(error);
+    return code == 0 ? kOk : kUsage;
+  }
+  clearance::ServerConfig config;
+  if (const absl::Status s = Configure(flags, &config); !s.ok()) return Fail(s, kUsage);
+  return Serve(config, stop_signals);
+}
