@@ -102,8 +102,8 @@ void StaticLookup::Answer(const Eigen::Vector3d* points_W, int count, StaticAnsw
     const int offset = DistanceField::RegionOffset(block);
     __builtin_prefetch(&cell.region->blocks[offset]);
     if (cell.one_block) continue;
-    // The farthest neighbour's pointer; the ones between mostly share a line with either. Wrong at a
-    // region's border, where it only fetches in vain.
+    // The farthest neighbour's pointer; the ones between mostly share a line with either. Wrong at
+    // a region's border, where it only fetches in vain.
     const int step = DistanceField::RegionOffset(BlockOf(CornerVoxel(cell, 7)));
     __builtin_prefetch(&cell.region->blocks[step]);
     __builtin_prefetch(&cell.region->blocks[(offset & 0700) | (step & 077)]);
@@ -116,15 +116,16 @@ void StaticLookup::Answer(const Eigen::Vector3d* points_W, int count, StaticAnsw
     if (cell.one_block) {
       cell.one_value = cell.region == nullptr || cell.region->blocks[block] == nullptr;
       if (cell.one_value) continue;
-      for (int row = 0; row < 4; ++row) __builtin_prefetch(cell.corners[0] + kCornerOffset[2 * row]);
+      for (int row = 0; row < 4; ++row)
+        __builtin_prefetch(cell.corners[0] + kCornerOffset[2 * row]);
       continue;
     }
     __builtin_prefetch(cell.corners[0]);
     for (int k = 1; k < 8; ++k) {
       const VoxelIndex voxel = CornerVoxel(cell, k);
       const BlockIndex other = BlockOf(voxel);
-      cell.corners[k] = VoxelIn(FindRegion(RegionOf(other)), DistanceField::RegionOffset(other),
-                                OffsetOf(voxel));
+      cell.corners[k] =
+          VoxelIn(FindRegion(RegionOf(other)), DistanceField::RegionOffset(other), OffsetOf(voxel));
       __builtin_prefetch(cell.corners[k]);
     }
   }

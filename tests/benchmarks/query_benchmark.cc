@@ -1,5 +1,5 @@
-// In-process look-ups with gradient and state: a street of 50 x 50 x 6 m at 0.1 m, random points and
-// points along straight edges, with 0 to 1,000 cars of about 2,700 surfels in it.
+// In-process look-ups with gradient and state: a street of 50 x 50 x 6 m at 0.1 m, random points
+// and points along straight edges, with 0 to 1,000 cars of about 2,700 surfels in it.
 #include <benchmark/benchmark.h>
 
 #include <cmath>
@@ -66,7 +66,8 @@ const MapView& Street(int max_distance_m, int objects) {
   const auto shape = testing::CarShape(kVoxel);
   std::mt19937 rng(1);
   std::uniform_real_distribution<double> unit(-1, 1);
-  // Dense traffic: a car on every 60 square metres, beyond the field's borders where there are many.
+  // Dense traffic: a car on every 60 square metres, beyond the field's borders where there are
+  // many.
   const double traffic_half_m = 0.5 * std::sqrt(60.0 * objects);
   for (int i = 0; i < objects; ++i) {
     Pose T_W_L(Eigen::AngleAxisd(unit(rng) * M_PI, Eigen::Vector3d::UnitZ()));
@@ -109,8 +110,7 @@ Eigen::Matrix3Xd EdgePoints(int count) {
 }
 
 void Run(benchmark::State& state, const Eigen::Matrix3Xd& points, QueryOptions options) {
-  const MapView& view =
-      Street(static_cast<int>(state.range(0)), static_cast<int>(state.range(1)));
+  const MapView& view = Street(static_cast<int>(state.range(0)), static_cast<int>(state.range(1)));
   options.parallel = false;
   for (auto _ : state) benchmark::DoNotOptimize(QueryDistances(view, points, options));
   // The console prints seconds with an SI prefix: 103n is 103 ns a point.
@@ -129,7 +129,8 @@ void RandomAhead(benchmark::State& state) {
 }
 void CoherentAheadPerPoint(benchmark::State& state) {
   QueryOptions options{.gradients = true};
-  for (int i = 0; i < kPoints; ++i) options.horizons_s.push_back(0.02f * static_cast<float>(i % 100));
+  for (int i = 0; i < kPoints; ++i)
+    options.horizons_s.push_back(0.02f * static_cast<float>(i % 100));
   Run(state, EdgePoints(kPoints), options);
 }
 void UnknownDistances(benchmark::State& state) {
