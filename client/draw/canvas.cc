@@ -43,6 +43,12 @@ void Canvas::FillRect(int x, int y, int width, int height, Color color) {
   }
 }
 
+void Canvas::Paste(const Canvas& other, int x, int y) {
+  for (int v = 0; v < other.height_; ++v) {
+    for (int u = 0; u < other.width_; ++u) SetPixel(x + u, y + v, other.At(u, v));
+  }
+}
+
 void Canvas::DrawLine(Vec2 a, Vec2 b, double width, Color color) {
   if (!std::isfinite(a.x + a.y + b.x + b.y)) return;
   const double reach = width / 2 + 1;

@@ -32,6 +32,8 @@ class Canvas {
   // `coverage` 0..1 of `color` over what is there.
   void BlendPixel(int x, int y, Color color, double coverage);
   void FillRect(int x, int y, int width, int height, Color color);
+  // Copies `other` with its top left corner at (x, y).
+  void Paste(const Canvas& other, int x, int y);
   // Anti-aliased, with round ends.
   void DrawLine(Vec2 a, Vec2 b, double width, Color color);
   void DrawPolyline(const std::vector<Vec2>& points, double width, Color color,

@@ -30,10 +30,9 @@ Color ObjectColor(uint32_t id) {
 // From the world to pixels.
 struct Projection {
   double left_m, top_m, pixels_per_m;
-  int x0, y0;
 
   Vec2 operator()(const Eigen::Vector3d& p_W) const {
-    return {x0 + (p_W.x() - left_m) * pixels_per_m, y0 + (top_m - p_W.y()) * pixels_per_m};
+    return {(p_W.x() - left_m) * pixels_per_m, (top_m - p_W.y()) * pixels_per_m};
   }
 };
 
@@ -86,14 +85,12 @@ Color CellColor(const Slice& slice, size_t cell, double max_distance_m, int x, i
   return (x + y) % 8 < 2 ? kHatch : kUnknown;
 }
 
-void DrawCells(const Slice& slice, const SlicePicture& picture, int width, int height, int x0,
-               int y0, Canvas& canvas) {
-  for (int y = 0; y < height; ++y) {
-    const size_t row =
-        slice.rows - 1 - std::min<size_t>(size_t(y) * slice.rows / height, slice.rows - 1);
-    for (int x = 0; x < width; ++x) {
-      const size_t column = std::min<size_t>(size_t(x) * slice.columns / width, slice.columns - 1);
-      canvas.SetPixel(x0 + x, y0 + y,
+void DrawCells(const Slice& slice, const SlicePicture& picture, Canvas& canvas) {
+  for (int y = 0; y < canvas.height(); ++y) {
+    const size_t row = slice.rows - 1 - size_t(y) * slice.rows / canvas.height();
+    for (int x = 0; x < canvas.width(); ++x) {
+      const size_t column = size_t(x) * slice.columns / canvas.width();
+      canvas.SetPixel(x, y,
                       CellColor(slice, row * slice.columns + column, picture.max_distance_m, x, y));
     }
   }
@@ -124,7 +121,7 @@ void DrawObject(const ObjectInfo& object, const Projection& project, Canvas& can
       absl::StrFormat("%d%s%s", object.brief.object_id, object.brief.class_name.empty() ? "" : " ",
                       object.brief.class_name);
   const int x = static_cast<int>(from.x) + 8, y = static_cast<int>(from.y) + 8;
-  for (const auto [dx, dy] : {std::pair{-1, 0}, {1, 0}, {0, -1}, {0, 1}}) {
+  for (const auto& [dx, dy] : {std::pair{-1, 0}, {1, 0}, {0, -1}, {0, 1}}) {
     canvas.DrawText(x + dx, y + dy, label, 1, kOutline);
   }
   canvas.DrawText(x, y, label, 1, color);
@@ -183,6 +180,26 @@ void DrawLegend(const SlicePicture& picture, double width_m, double pixels_per_m
   canvas.DrawText(static_cast<int>(right) + 8, y + 31, text, 1, kInk);
 }
 
+// The map alone, so that what leads out of it is cut at its border.
+Canvas DrawMap(const Slice& slice, const SlicePicture& picture, int width, int height,
+               double pixels_per_m) {
+  Canvas canvas(width, height, kPaper);
+  DrawCells(slice, picture, canvas);
+  const Projection project{slice.origin_W.x() - slice.resolution_m / 2,
+                           slice.origin_W.y() + (slice.rows - 0.5) * slice.resolution_m,
+                           pixels_per_m};
+  DrawPath(picture.sensor_path, project, 1.5, kSensor, canvas);
+  if (!picture.sensor_path.empty()) {
+    const Vec2 now = project(picture.sensor_path.back().pose.translation());
+    canvas.FillDisc(now, 5, kOutline);
+    canvas.FillDisc(now, 4, kSensor);
+  }
+  for (const ObjectInfo& object : picture.objects) {
+    if (object.brief.life != ObjectLife::kRetired) DrawObject(object, project, canvas);
+  }
+  return canvas;
+}
+
 }  // namespace
 
 Color HeatColor(double distance_m, double max_distance_m) {
@@ -215,23 +232,11 @@ Canvas DrawSlice(const Slice& slice, const SlicePicture& picture) {
                 kTitleHeight + height + 2 * kMargin + kLegendHeight, kPaper);
   canvas.DrawText(kMargin, 12, picture.title, 2, kInk);
   const int x0 = kMargin, y0 = kTitleHeight + kMargin;
+  const double pixels_per_m = slice.resolution_m > 0 ? scale / slice.resolution_m : 1.0;
   if (slice.columns > 0 && slice.rows > 0) {
-    DrawCells(slice, picture, width, height, x0, y0, canvas);
+    canvas.Paste(DrawMap(slice, picture, width, height, pixels_per_m), x0, y0);
   } else {
     canvas.DrawText(x0, y0, "nothing observed yet", 2, kFaint);
-  }
-  const double pixels_per_m = slice.resolution_m > 0 ? scale / slice.resolution_m : 1.0;
-  const Projection project{slice.origin_W.x() - slice.resolution_m / 2,
-                           slice.origin_W.y() + (rows - 0.5) * slice.resolution_m, pixels_per_m, x0,
-                           y0};
-  DrawPath(picture.sensor_path, project, 1.5, kSensor, canvas);
-  if (!picture.sensor_path.empty()) {
-    const Vec2 now = project(picture.sensor_path.back().pose.translation());
-    canvas.FillDisc(now, 5, kOutline);
-    canvas.FillDisc(now, 4, kSensor);
-  }
-  for (const ObjectInfo& object : picture.objects) {
-    if (object.brief.life != ObjectLife::kRetired) DrawObject(object, project, canvas);
   }
   DrawLegend(picture, width / pixels_per_m, pixels_per_m, y0 + height + kMargin, canvas);
   return canvas;

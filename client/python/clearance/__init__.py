@@ -1,0 +1,27 @@
+"""Clearance: distances to the nearest obstacle in a world that moves.
+
+    from clearance import Client
+    with Client("127.0.0.1:50051") as client:
+        distances = client.distances([[10.0, 2.0, 0.5]], horizon_s=1.0)
+
+The generated messages are `clearance.v1` (for example `from clearance.v1 import query_pb2`).
+"""
+
+from clearance.arrays import FREE, OCCUPIED, UNKNOWN
+from clearance.client import Answers, Client, ClearanceError
+from clearance.frames import cloud_frame, depth_frame, object_motion, pose
+from clearance.ingest import IngestStream
+
+__all__ = [
+    "Answers",
+    "Client",
+    "ClearanceError",
+    "FREE",
+    "IngestStream",
+    "OCCUPIED",
+    "UNKNOWN",
+    "cloud_frame",
+    "depth_frame",
+    "object_motion",
+    "pose",
+]
