@@ -8,7 +8,8 @@ The generated messages are `clearance.v1` (for example `from clearance.v1 import
 """
 
 from clearance.arrays import FREE, OCCUPIED, UNKNOWN
-from clearance.client import Answers, Client, ClearanceError
+from clearance.client import Answers, Client
+from clearance.errors import ClearanceError
 from clearance.frames import cloud_frame, depth_frame, object_motion, pose
 from clearance.ingest import IngestStream
 

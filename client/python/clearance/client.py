@@ -5,8 +5,10 @@ import collections
 import grpc
 
 from clearance import arrays
+from clearance.errors import ClearanceError
 from clearance.ingest import IngestStream
-from clearance.v1 import ingest_pb2_grpc, map_pb2, map_pb2_grpc, query_pb2, query_pb2_grpc
+from clearance.v1 import (common_pb2, ingest_pb2_grpc, map_pb2, map_pb2_grpc, query_pb2,
+                          query_pb2_grpc)
 
 _MAX_MESSAGE_BYTES = 16 << 20
 
@@ -18,15 +20,6 @@ distances_m (n,) float32; states (n,) uint8: UNKNOWN, FREE or OCCUPIED in the lo
 above; gradients (n, 3) float32, unit, in the world; object_ids (n,) uint32, 0 = static; sigmas_m
 (n,) float32; objects: the ObjectBrief messages of those ids; stamp: the MapStamp.
 """
-
-
-class ClearanceError(Exception):
-    """What the server or the connection objects to: `code` is a grpc.StatusCode."""
-
-    def __init__(self, code, message):
-        super().__init__(f"{code.name}: {message}")
-        self.code = code
-        self.message = message
 
 
 class Client:
@@ -72,7 +65,7 @@ class Client:
             map=self.map, positions_f64=arrays.points_bytes(xyz, "<f8"), horizon_s=horizon_s,
             gradients=gradients, objects=objects, sigmas=sigmas, sigma_margin=sigma_margin)
         if weighted:
-            request.fusion = query_pb2.common__pb2.FUSION_WEIGHTED
+            request.fusion = common_pb2.FUSION_WEIGHTED
         request.layers.static_only = static_only
         request.consistency.min_revision = min_revision
         request.consistency.wait_s = wait_s

@@ -7,6 +7,7 @@ import time
 
 import grpc
 
+from clearance.errors import ClearanceError
 from clearance.v1 import ingest_pb2
 
 _RETRY = (grpc.StatusCode.UNAVAILABLE, grpc.StatusCode.CANCELLED, grpc.StatusCode.INTERNAL)
@@ -53,7 +54,6 @@ class _Session:
 
     def wait(self, condition, timeout_s):
         """Until the condition holds; raises what ended the stream."""
-        from clearance.client import ClearanceError
         with self._changed:
             done = self._changed.wait_for(lambda: condition() or self._ended, timeout_s)
             if condition():
@@ -102,11 +102,19 @@ class IngestStream:
         """Sends a Frame message; waits for credit. Frame ids rise."""
         with self._lock:
             self._pending[frame.frame_id] = frame
-        self._retrying(lambda: self._session.send(frame, self._timeout_s))
+        try:
+            self._session.send(frame, self._timeout_s)
+        except ClearanceError as error:
+            self._recover(error)
 
     def finish(self):
         """Waits until every frame is settled and closes the stream; returns all acks."""
-        self._retrying(lambda: self._session.wait(lambda: not self._pending, self._timeout_s))
+        while True:
+            try:
+                self._session.wait(lambda: not self._pending, self._timeout_s)
+                break
+            except ClearanceError as error:
+                self._recover(error)
         self._session.close()
         return self.acks
 
@@ -133,30 +141,25 @@ class IngestStream:
                 self.last_frame_id = max(self.last_frame_id or 0, ack.frame_id)
         self.acks.append(ack)
 
-    def _retrying(self, action):
-        from clearance.client import ClearanceError
+    def _recover(self, error):
+        """Opens a new stream and sends what is pending again, until it works or time is up."""
         give_up = time.monotonic() + self._reconnect_for_s
         backoff_s = 0.1
-        broken = False
-        while True:
-            try:
-                if broken:
-                    self._session.cancel()
-                    self._open()
-                    with self._lock:
-                        again = list(self._pending.values())
-                    for frame in again:
-                        self._session.send(frame, self._timeout_s)
-                    broken = False
-                    if action.__code__.co_freevars and "frame" in action.__code__.co_freevars:
-                        return  # sent again with the others, or settled meanwhile
-                return action()
-            except ClearanceError as error:
-                retry = error.code in _RETRY or (
-                    broken and error.code == grpc.StatusCode.FAILED_PRECONDITION)
-                if not retry or time.monotonic() > give_up:
-                    raise
-            broken = True
+        retry = error.code in _RETRY
+        while retry and time.monotonic() < give_up:
+            self._session.cancel()
             # Jitter: many clients of a restarted server do not come back at once.
             time.sleep(backoff_s * random.uniform(0.5, 1.0))
             backoff_s = min(2 * backoff_s, 5.0)
+            try:
+                self._open()
+                with self._lock:
+                    again = list(self._pending.values())
+                for frame in again:
+                    self._session.send(frame, self._timeout_s)
+                return
+            except ClearanceError as next_error:
+                error = next_error
+                # The server may not have given up the cut stream of this source yet.
+                retry = error.code in (*_RETRY, grpc.StatusCode.FAILED_PRECONDITION)
+        raise error
