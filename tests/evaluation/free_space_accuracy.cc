@@ -304,6 +304,14 @@ void Run(const Arguments& arguments) {
     ++r.truly_occupied;
     if (s.known == Known::kFree) ++(s.confident ? r.seen_high : r.seen_low);
     if (t.static_hits > 0) ++r.observed[static_cast<int>(s.known)];
+    if (arguments.list && t.static_hits > 0 && s.known != Known::kOccupied) {
+      const VoxelIndex v = truth.VoxelOfIndex(i);
+      const float* mean = map.static_map().MeanBlock(BlockOf(v));
+      const float* weight = map.static_map().WeightBlock(BlockOf(v));
+      std::printf("  missed surface %d %d %d: hits %d mean %.3f h weight %.2f\n", v.x(), v.y(),
+                  v.z(), t.static_hits, mean ? mean[OffsetOf(v)] / h : 9.f,
+                  weight ? weight[OffsetOf(v)] : 0.f);
+    }
   }
   const int swept = r.ghosts[0] + r.ghosts[1] + r.ghosts[2];
   std::printf("swept, left, seen again: %d voxels: %d free, %d unknown, %d OCCUPIED\n", swept,
