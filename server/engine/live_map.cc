@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <set>
 
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
@@ -94,18 +95,30 @@ void LiveMap::UpdateShapes(const AppliedChanges& changes) {
     shape = BuildObjectShape(ExtractSurfaceSites(object.surface(), world_.fusion()),
                              config_.voxel_size_m);
   }
-  // Shapes of evicted generations go.
-  if (shapes_.size() > world_.objects().size() + world_.retired().size()) {
-    std::erase_if(shapes_, [this](const auto& entry) {
-      const auto& [key, shape] = entry;
-      const auto is_it = [&key](const ObjectSubmap& object) {
-        return object.id() == key.first && object.generation() == key.second;
-      };
-      const auto live = world_.objects().find(key.first);
-      if (live != world_.objects().end() && is_it(live->second)) return false;
-      return std::none_of(world_.retired().begin(), world_.retired().end(), is_it);
-    });
+  MarkMeshes(changes);
+  if (shapes_.size() > world_.objects().size() + world_.retired().size()) ForgetEvicted();
+}
+
+void LiveMap::MarkMeshes(const AppliedChanges& changes) {
+  if (meshers_.empty()) return;
+  const auto mark = [this](const SurfaceKey& key, const std::vector<BlockIndex>& blocks) {
+    if (const auto it = meshers_.find(key); it != meshers_.end()) it->second.MarkChanged(blocks);
+  };
+  mark({kStaticWorld, 0}, changes.static_blocks);
+  for (const AppliedChanges::Object& changed : changes.objects) {
+    const auto it = world_.objects().find(changed.id);
+    if (it != world_.objects().end()) mark({changed.id, it->second.generation()}, changed.blocks);
   }
+}
+
+void LiveMap::ForgetEvicted() {
+  std::set<SurfaceKey> known = {{kStaticWorld, 0}};
+  for (const ObjectSubmap& object : world_.retired())
+    known.emplace(object.id(), object.generation());
+  for (const auto& [id, object] : world_.objects()) known.emplace(id, object.generation());
+  const auto evicted = [&known](const auto& entry) { return !known.contains(entry.first); };
+  std::erase_if(shapes_, evicted);
+  std::erase_if(meshers_, evicted);
 }
 
 ObjectView LiveMap::ViewOf(const ObjectSubmap& object, int64_t stamp_ns) const {
@@ -170,6 +183,16 @@ absl::StatusOr<MapModel::Surface> LiveMap::FindSurface(ObjectId id, uint32_t gen
       absl::StrFormat("object %d%s does not exist. Objects: %s", id.value(),
                       generation == 0 ? "" : absl::StrFormat(" of generation %d", generation),
                       existing.empty() ? "none" : existing));
+}
+
+absl::StatusOr<Mesh> LiveMap::ExtractMesh(ObjectId id, uint32_t generation) {
+  const absl::StatusOr<Surface> surface = FindSurface(id, generation);
+  if (!surface.ok()) return surface.status();
+  MesherOptions options;
+  options.min_weight = world_.fusion().min_weight;
+  const auto [it, fresh] = meshers_.try_emplace({id, surface->generation}, options);
+  if (fresh) it->second.MarkAll(*surface->map);
+  return it->second.Extract(*surface->map);
 }
 
 MapModelFactory LiveMapFactory() {

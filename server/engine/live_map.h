@@ -10,6 +10,7 @@
 #include "server/engine/map_model.h"
 #include "server/esdf/field_updater.h"
 #include "server/integration/frame_integrator.h"
+#include "server/query/block_mesher.h"
 
 namespace clearance {
 
@@ -22,14 +23,17 @@ class LiveMap final : public MapModel {
   MapView View() override;
   MapSizes Sizes() override;
   absl::StatusOr<Surface> FindSurface(ObjectId id, uint32_t generation) override;
+  absl::StatusOr<Mesh> ExtractMesh(ObjectId id, uint32_t generation) override;
 
   const WorldMap& world() const { return world_; }
 
  private:
-  using ShapeKey = std::pair<ObjectId, uint32_t>;  // and generation
+  using SurfaceKey = std::pair<ObjectId, uint32_t>;  // and generation; (0, 0) is the static map
 
   void UpdateField(const AppliedChanges& changes);
   void UpdateShapes(const AppliedChanges& changes);
+  void MarkMeshes(const AppliedChanges& changes);
+  void ForgetEvicted();
   ObjectView ViewOf(const ObjectSubmap& object, int64_t stamp_ns) const;
 
   const MapConfig config_;
@@ -38,7 +42,9 @@ class LiveMap final : public MapModel {
   FieldUpdater updater_;
   DistanceField field_;
   // Shared by every view until the object's surface changes.
-  std::map<ShapeKey, std::shared_ptr<const ObjectShape>> shapes_;
+  std::map<SurfaceKey, std::shared_ptr<const ObjectShape>> shapes_;
+  // Of surfaces that were exported before: the next export meshes only what changed since.
+  std::map<SurfaceKey, BlockMesher> meshers_;
   std::optional<Eigen::AlignedBox<int32_t, 3>> observed_blocks_;
 };
 

@@ -13,6 +13,7 @@
 #include "server/core/frame.h"
 #include "server/map/map_view.h"
 #include "server/map/world_map.h"
+#include "server/query/mesh.h"
 
 namespace clearance {
 
@@ -53,6 +54,9 @@ class MapModel {
     uint32_t generation = 0;
   };
   virtual absl::StatusOr<Surface> FindSurface(ObjectId id, uint32_t generation) = 0;
+
+  // The surface's mesh in its own frame (W or L); NOT_FOUND as FindSurface.
+  virtual absl::StatusOr<Mesh> ExtractMesh(ObjectId id, uint32_t generation) = 0;
 
   // The state now. The engine fills in epoch and published_at.
   virtual MapView View() = 0;

@@ -7,8 +7,8 @@
 #include "proto/wire/status_details.h"
 #include "server/service/chunk_stream.h"
 #include "server/service/grid_export.h"
+#include "server/service/mesh_export.h"
 #include "server/service/resolve.h"
-#include "server/service/unimplemented.h"
 
 namespace clearance {
 namespace {
@@ -44,8 +44,28 @@ void OnMap(ServiceContext* service, const std::string& map, const v1::Consistenc
 }  // namespace
 
 grpc::ServerWriteReactor<v1::ExportMeshResponse>* ExportServiceImpl::ExportMesh(
-    grpc::CallbackServerContext*, const v1::ExportMeshRequest*) {
-  return WritesNotOffered<v1::ExportMeshResponse>("ExportMesh");
+    grpc::CallbackServerContext*, const v1::ExportMeshRequest* request) {
+  auto stream = ChunkStream<v1::ExportMeshResponse>::Start(service_, "ExportMesh");
+  const absl::StatusOr<MeshSelection> selection = MeshSelectionFromProto(*request);
+  if (!selection.ok()) {
+    stream->Fail(selection.status());
+    return stream.get();
+  }
+  const auto task = [service = service_, stream, selection = *selection](MapModel* model,
+                                                                         const ViewPtr& view) {
+    if (stream->done()) return;
+    if (model == nullptr) return stream->Fail(DrainingError());
+    absl::StatusOr<MeshCopy> copy = TakeMesh(selection, model, *view);
+    if (!copy.ok()) return stream->Fail(copy.status());
+    auto taken = std::make_shared<const MeshCopy>(*std::move(copy));
+    const absl::Status posted = service->pool->Post([stream, selection, taken] {
+      stream->Send(WriteMesh(selection, *taken), MeshHeader(*taken),
+                   [&](v1::ExportMeshResponse* first) { FillFirst(selection, *taken, first); });
+    });
+    if (!posted.ok()) stream->Fail(posted);
+  };
+  OnMap(service_, request->map(), request->consistency(), stream, task);
+  return stream.get();
 }
 
 grpc::ServerWriteReactor<v1::ExportGridResponse>* ExportServiceImpl::ExportGrid(

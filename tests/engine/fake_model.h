@@ -1,0 +1,99 @@
+// A map model that computes nothing: every frame is a revision and one object for each motion. What
+// the engine and the services do around the computation can so be tested alone.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "server/engine/map_model.h"
+
+namespace clearance {
+
+// What the fakes of one registry have seen; shared with the test.
+struct FakeLog {
+  std::mutex mu;
+  std::vector<uint64_t> integrated;         // frame ids, in order
+  std::vector<uint64_t> integrated_points;  // of the same frames
+  std::atomic<int> edits = 0;
+};
+
+class FakeModel final : public MapModel {
+ public:
+  FakeModel(const MapConfig& config, std::shared_ptr<FakeLog> log)
+      : config_(config), log_(std::move(log)), surface_(config.voxel_size_m) {}
+
+  absl::StatusOr<Integrated> Integrate(const Frame& frame) override {
+    if (absl::Status s = ValidateFrame(frame); !s.ok()) return s;
+    uint64_t points = 0;
+    if (const auto* cloud = std::get_if<PointCloud>(&frame.observation)) {
+      points = cloud->points_X.cols();
+    }
+    std::lock_guard lock(log_->mu);
+    log_->integrated.push_back(frame.frame_id);
+    log_->integrated_points.push_back(points);
+    ++revision_;
+    stamp_ns_ = std::max(stamp_ns_, frame.stamp_ns);
+    Integrated result;
+    result.stages.emplace_back("fake", 0.0);
+    for (const ObjectMotion& motion : frame.motions) {
+      if (motion.kind == ObjectMotion::Kind::kWorldFromObject) continue;
+      result.violations.push_back({"frame.motions", 0, "the fake knows no object"});
+    }
+    return result;
+  }
+  absl::StatusOr<Edited> Edit(const RegionEdit&) override {
+    ++log_->edits;
+    ++revision_;
+    return Edited{7};
+  }
+  MapView View() override {
+    MapView view;
+    view.config = config_;
+    view.revision = view.field_revision = revision_;
+    view.stamp_ns = stamp_ns_;
+    view.field = DistanceField(config_.voxel_size_m, config_.max_distance_m);
+    return view;
+  }
+  MapSizes Sizes() override { return {1000, 10, 1, std::nullopt}; }
+  absl::StatusOr<Surface> FindSurface(ObjectId id, uint32_t) override {
+    if (!id.is_static()) return absl::NotFoundError("object does not exist. Objects: none");
+    return Surface{&surface_, Pose::Identity(), id, 0};
+  }
+  absl::StatusOr<Mesh> ExtractMesh(ObjectId id, uint32_t) override {
+    if (!id.is_static()) return absl::NotFoundError("object does not exist. Objects: none");
+    Mesh mesh;
+    mesh.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    mesh.normals = {{0, 0, 1}, {0, 0, 1}, {0, 0, 1}};
+    mesh.triangles = {{0, 1, 2}};
+    return mesh;
+  }
+
+ private:
+  const MapConfig config_;
+  const std::shared_ptr<FakeLog> log_;
+  SurfaceMap surface_;
+  uint64_t revision_ = 0;
+  int64_t stamp_ns_ = 0;
+};
+
+inline MapModelFactory FakeModelFactory(std::shared_ptr<FakeLog> log) {
+  return [log](const MapConfig& config) { return std::make_unique<FakeModel>(config, log); };
+}
+
+inline Frame FakeFrame(uint64_t id, int points = 1, const std::string& source = "default") {
+  Frame frame;
+  frame.frame_id = id;
+  frame.stamp_ns = static_cast<int64_t>(id) * 100'000'000;
+  frame.source_id = source;
+  if (points > 0) {
+    PointCloud cloud;
+    cloud.points_X = Eigen::Matrix3Xf::Constant(3, points, 1.0f);
+    frame.observation = std::move(cloud);
+  }
+  return frame;
+}
+
+}  // namespace clearance
