@@ -89,7 +89,8 @@ absl::StatusOr<MapUpdate> FrameIntegrator::Integrate(const Frame& frame,
     // Free voxels of every cloud go to R^0, never an object's distances.
     FreeSpaceOptions free_space = options_.free_space;
     free_space.max_range_m = max_range_m;
-    update.static_surface.free = ObserveFreeSpace(image, frame.T_W_X, map.static_map(), free_space);
+    update.static_surface.free =
+        ObserveFreeSpace(image, frame.T_W_X, static_voxels, map.static_map(), free_space);
     if (config.bounds) {
       ClipToBounds(update.static_surface.free, *config.bounds, config.voxel_size_m);
     }

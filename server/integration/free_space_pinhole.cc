@@ -15,8 +15,6 @@ constexpr size_t kChunk = 128;  // blocks a task
 constexpr float kProbableMarginVoxels = 0.5f;
 // A ray refutes stored surface when its return lies this far beyond a point behind that surface.
 constexpr float kBeyondVoxels = 0.5f;
-// A return this near to the cube is this cube's surface, in voxels.
-constexpr float kCubeTolerance = 0.25f;
 
 // Voxel by voxel: the centre pixel for probable, all pixels around for confident.
 class VoxelTests {
@@ -114,10 +112,11 @@ class VoxelTests {
 // Surface that was stored and is not there any more.
 class Contradictions {
  public:
-  Contradictions(const PinholeView& view, const SurfaceMap& map) : view_(view), map_(map) {}
+  Contradictions(const PinholeView& view, const StaticReturns& returns, const SurfaceMap& map)
+      : view_(view), returns_(returns), map_(map) {}
 
   void Observe(FreeBlock& out) const {
-    const StoredSurface stored(map_, out.block);
+    StoredSurface stored(map_, out.block);
     if (stored.empty()) return;
     const BlockMask held = stored.HeldVoxels();
     const Eigen::Vector3f first_X = view_.FirstCentre(out.block);
@@ -125,71 +124,52 @@ class Contradictions {
       out.contradicted[x] = held[x] & out.confident[x];
       for (uint64_t bits = held[x] & ~out.confident[x]; bits; bits &= bits - 1) {
         const int offset = x * 64 + __builtin_ctzll(bits);
-        if (LooksThrough(stored, offset, first_X)) Set(out.contradicted, offset);
+        if (LooksThrough(stored, out.block, offset, first_X)) Set(out.contradicted, offset);
       }
     }
   }
 
  private:
-  bool LooksThrough(const StoredSurface& stored, int offset, const Eigen::Vector3f& first_X) const {
+  bool LooksThrough(StoredSurface& stored, const BlockIndex& block, int offset,
+                    const Eigen::Vector3f& first_X) const {
     const float h = view_.voxel_size_m();
-    const VoxelIndex at = VoxelAt({}, offset);
-    const Eigen::Vector3f centre_X = first_X + view_.R_X_W() * (h * at.cast<float>());
+    const Eigen::Vector3f centre_X =
+        first_X + view_.R_X_W() * (h * VoxelAt({}, offset).cast<float>());
     if (centre_X.z() <= h) return false;
-    Eigen::Vector3f normal_X = view_.R_X_W() * stored.Normal(offset);
-    if (normal_X.isZero()) normal_X = -centre_X.normalized();
     // A point that would be half a voxel inside, if the stored surface were still there.
     const float in = std::max(0.f, stored.mean(offset) + kPenetrationVoxels * h);
-    const Eigen::Vector3f behind_X = centre_X - in * normal_X;
+    Eigen::Vector3f normal_W = Eigen::Vector3f::Zero();
+    if (in > 0.f) {
+      normal_W = stored.Normal(offset);
+      if (normal_W.isZero()) return false;
+    }
+    const Eigen::Vector3f behind_X = centre_X - view_.R_X_W() * (in * normal_W);
     const auto seen = view_.image().Project(behind_X);
     if (!seen) return false;
     const float measure = view_.image().measure(static_cast<int>(std::lround(seen->u)),
                                                 static_cast<int>(std::lround(seen->v)));
     if (measure < behind_X.z() + kBeyondVoxels * h) return false;
-    return !ReturnsFrom(centre_X);
-  }
-
-  // Whether a static return of this frame lies in the cube: edges and poles are seen beside, too.
-  bool ReturnsFrom(const Eigen::Vector3f& centre_X) const {
-    const RangeImage& image = view_.image();
-    const Eigen::Vector3f reach = view_.half_extent_X() * (1.f + 2 * kCubeTolerance);
-    const float nearest = centre_X.z() - reach.z(), farthest = centre_X.z() + reach.z();
-    if (nearest <= 0.f) return true;  // too near to tell
-    const float slope_u = std::abs(centre_X.x() / centre_X.z());
-    const float slope_v = std::abs(centre_X.y() / centre_X.z());
-    const float u = image.fx() * centre_X.x() / centre_X.z() + image.cx();
-    const float v = image.fy() * centre_X.y() / centre_X.z() + image.cy();
-    const float du = image.fx() * (reach.x() + slope_u * reach.z()) / nearest;
-    const float dv = image.fy() * (reach.y() + slope_v * reach.z()) / nearest;
-    const int u0 = std::max(0, static_cast<int>(std::floor(u - du)));
-    const int v0 = std::max(0, static_cast<int>(std::floor(v - dv)));
-    const int u1 = std::min(image.width() - 1, static_cast<int>(std::ceil(u + du)));
-    const int v1 = std::min(image.height() - 1, static_cast<int>(std::ceil(v + dv)));
-    const float half = (0.5f + kCubeTolerance) * view_.voxel_size_m();
-    for (int iv = v0; iv <= v1; ++iv) {
-      for (int iu = u0; iu <= u1; ++iu) {
-        const float z = image.measure(iu, iv);
-        if (z < nearest || z > farthest || image.label(iu, iv) != 0) continue;
-        const Eigen::Vector3f d_W = view_.R_X_W().transpose() * (image.Point(iu, iv) - centre_X);
-        if (d_W.cwiseAbs().maxCoeff() <= half) return true;
-      }
-    }
-    return false;
+    // Edges and poles are seen beside, too: not while the surface itself returns rays.
+    const VoxelIndex own = VoxelAt(block, offset);
+    return !returns_.Has(own) &&
+           !returns_.Has(own + SurfaceStep(stored.mean(offset) / h, normal_W));
   }
 
   const PinholeView& view_;
+  const StaticReturns& returns_;
   const SurfaceMap& map_;
 };
 
 }  // namespace
 
 std::vector<FreeBlock> ObserveFreeSpacePinhole(const RangeImage& image, const Pose& T_W_X,
+                                               const StaticReturns& returns,
                                                const SurfaceMap& static_map,
                                                const FreeSpaceOptions& options) {
   const PinholeView view(image, T_W_X, options.voxel_size_m, options.max_range_m);
   const std::vector<BlockIndex> blocks = view.VisibleBlocks();
   const VoxelTests voxels(view);
-  const Contradictions contradictions(view, static_map);
+  const Contradictions contradictions(view, returns, static_map);
   std::vector<std::vector<FreeBlock>> parts((blocks.size() + kChunk - 1) / kChunk);
   tbb::parallel_for(size_t{0}, parts.size(), [&](size_t part) {
     const size_t end = std::min(blocks.size(), (part + 1) * kChunk);

@@ -96,20 +96,12 @@ class RaySpace {
         block.Refute(offset);
       }
     });
-    if (image_.label(u, v) == 0 && image_.has_surface(u, v)) {
-      const Eigen::Vector3f end = ray.origin + ray.length * ray.direction;
-      const VoxelIndex hit(static_cast<int>(std::floor(end.x())),
-                           static_cast<int>(std::floor(end.y())),
-                           static_cast<int>(std::floor(end.z())));
-      Set(counts.At(BlockOf(hit)).hit, OffsetOf(hit));
-    }
   }
 
   // Whether the ray is, within the cube, clearly behind the plane stored there.
-  bool Penetrates(const StoredSurface& stored, int offset, const VoxelIndex& at, const Ray& ray,
+  bool Penetrates(StoredSurface& stored, int offset, const VoxelIndex& at, const Ray& ray,
                   float enter, float leave) const {
-    Eigen::Vector3f normal = stored.Normal(offset);
-    if (normal.isZero()) normal = -ray.direction;
+    const Eigen::Vector3f normal = stored.Normal(offset);
     const Eigen::Vector3f from_centre =
         ray.origin - at.cast<float>() - Eigen::Vector3f::Constant(0.5f);
     const float at_origin = stored.mean(offset) * inverse_h_ + normal.dot(from_centre);
@@ -128,12 +120,14 @@ class RaySpace {
 }  // namespace
 
 std::vector<FreeBlock> ObserveFreeSpaceRays(const RangeImage& image, const Pose& T_W_X,
+                                            const StaticReturns& returns,
                                             const SurfaceMap& static_map,
                                             const FreeSpaceOptions& options) {
   const RaySpace space(image, T_W_X, static_map, options);
   const SphericalView view(image, T_W_X, options.voxel_size_m, options.max_range_m);
   tbb::enumerable_thread_specific<RayCounts> of_threads(
       [&] { return RayCounts(static_map, space.base()); });
+  const float inverse_h = static_cast<float>(1.0 / options.voxel_size_m);
   const int tasks = (image.height() + kRowsAtOnce - 1) / kRowsAtOnce;
   tbb::parallel_for(0, tasks, [&](int task) {
     space.WalkRows(task * kRowsAtOnce, std::min(image.height(), (task + 1) * kRowsAtOnce),
@@ -146,19 +140,21 @@ std::vector<FreeBlock> ObserveFreeSpaceRays(const RangeImage& image, const Pose&
   const std::vector<BlockIndex> blocks = RayCounts::Blocks(counts);
   std::vector<FreeBlock> out(blocks.size());
   tbb::parallel_for(size_t{0}, blocks.size(), [&](size_t i) {
-    const RayCounts::Block sum = RayCounts::Sum(counts, blocks[i]);
+    RayCounts::Block sum = RayCounts::Sum(counts, blocks[i]);
     FreeBlock& free = out[i];
     free.block = blocks[i];
     for (int o = 0; o < kBlockVoxels; ++o) {
-      if (sum.passed[o] == 0 || Test(sum.hit, o)) continue;
+      if (sum.passed[o] == 0) continue;
       Set(free.probable, o);
-      if (sum.refuted[o] >= 1) Set(free.contradicted, o);
+      if (sum.refuted[o] == 0) continue;
+      // Edges and poles are passed beside, too: not while the surface itself returns rays.
+      const VoxelIndex step = SurfaceStep(sum.stored.mean(o) * inverse_h, sum.stored.Normal(o));
+      if (!returns.Has(VoxelAt(blocks[i], o) + step)) Set(free.contradicted, o);
     }
     view.ObserveConfident(free);
-    if (!sum.stored.empty()) {
-      for (size_t w = 0; w < free.confident.size(); ++w) {
-        free.contradicted[w] |= free.confident[w] & sum.held[w];
-      }
+    if (sum.stored.empty()) return;
+    for (size_t w = 0; w < free.confident.size(); ++w) {
+      free.contradicted[w] |= free.confident[w] & sum.held[w];
     }
   });
   std::erase_if(out, [](const FreeBlock& f) { return f.probable == BlockMask{}; });

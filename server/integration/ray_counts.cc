@@ -48,7 +48,6 @@ RayCounts::Block RayCounts::Sum(const std::vector<const RayCounts*>& threads,
       sum.passed[o] = static_cast<uint8_t>(std::min(255, sum.passed[o] + part.passed[o]));
       sum.refuted[o] = static_cast<uint8_t>(std::min(255, sum.refuted[o] + part.refuted[o]));
     }
-    for (size_t w = 0; w < sum.hit.size(); ++w) sum.hit[w] |= part.hit[w];
     sum.held = part.held;
     sum.stored = part.stored;
   }

@@ -20,7 +20,6 @@ class RayCounts {
   struct Block {
     std::array<uint8_t, kBlockVoxels> passed{};   // rays that went through, saturating
     std::array<uint8_t, kBlockVoxels> refuted{};  // of them, rays that were behind stored surface
-    BlockMask hit{};                              // voxels with a static return
     BlockMask held{};                             // voxels that hold stored surface
     StoredSurface stored;
 

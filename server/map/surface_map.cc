@@ -54,12 +54,14 @@ std::vector<BlockWork> GatherWork(const SurfaceUpdate& update) {
   return work;
 }
 
+constexpr float kHalfDiagonalVoxels = 0.9f;
+
 uint8_t Increment(uint8_t count) { return count < kSaturatedFrames ? count + 1 : count; }
 
 class BlockFuser {
  public:
-  BlockFuser(const SurfaceUpdate& update, const FusionOptions& options)
-      : update_(update), options_(options) {}
+  BlockFuser(const SurfaceUpdate& update, const FusionOptions& options, double voxel_size_m)
+      : update_(update), options_(options), voxel_size_m_(static_cast<float>(voxel_size_m)) {}
 
   void Fuse(BlockWork& w) const {
     if (w.weight) {
@@ -103,21 +105,29 @@ class BlockFuser {
         w.changed |=
             IsFree(e) != was_free || (e.confident >= FreeRules{}.min_confident_frames) != was_sure;
       });
+      ForEach(w.free->hit, [&](int o) {
+        FreeEvidence e = FreeEvidence::Unpack(evidence_[o]);
+        w.changed |= e.returns == 0;
+        e.returns = Increment(e.returns);
+        e.contradicted = 0;
+        evidence_[o] = e.Pack();
+      });
     }
     if (w.weight) ForEach(w.free->contradicted, [&](int o) { Contradict(w, o); });
   }
 
-  // Surface that rays went through fades fast: at once when it was seen little, in the second frame
-  // in a row however often it was seen before.
+  // Surface that rays went through fades fast: at once when the whole cube was seen empty or the
+  // surface was seen little, in the second frame in a row however often it was seen before.
   void Contradict(BlockWork& w, int o) const {
     if (weight_[o] == 0) return;
     FreeEvidence e = FreeEvidence::Unpack(evidence_[o]);
     e.contradicted = Increment(e.contradicted);
     weight_[o] *= 0.25f;
     w.changed = true;
-    if (e.contradicted >= 2 || weight_[o] < 2 * options_.min_weight) {
+    if (Test(w.free->confident, o) || e.contradicted >= 2 || weight_[o] < 2 * options_.min_weight) {
       Forget(w, o);
       e.contradicted = 0;
+      e.returns = 0;
     }
     evidence_[o] = e.Pack();
   }
@@ -135,7 +145,8 @@ class BlockFuser {
       }
       if (w.evidence && evidence_[o] != 0) {
         FreeEvidence e = FreeEvidence::Unpack(evidence_[o]);
-        e.contradicted = 0;
+        // Only surface in the cube confirms what is stored there, not the band in front of it.
+        if (std::abs(d) < kHalfDiagonalVoxels * voxel_size_m_) e.contradicted = 0;
         if (d < 0) {  // seen behind a surface: what was free before has to prove it anew
           e.confident /= 2;
           e.probable /= 2;
@@ -156,6 +167,7 @@ class BlockFuser {
 
   const SurfaceUpdate& update_;
   const FusionOptions& options_;
+  float voxel_size_m_;
   mutable float* mean_ = nullptr;
   mutable float* weight_ = nullptr;
   mutable int32_t* evidence_ = nullptr;
@@ -202,7 +214,7 @@ FreeEvidence FreeEvidence::Unpack(int32_t packed) {
 }
 
 int32_t FreeEvidence::Pack() const {
-  return confident | (probable << 8) | (contradicted << 16) | (reserved << 24);
+  return confident | (probable << 8) | (contradicted << 16) | (returns << 24);
 }
 
 SurfaceMap::SurfaceMap(double voxel_size_m)
@@ -213,9 +225,9 @@ SurfaceMap::SurfaceMap(double voxel_size_m)
   grids_->mean->setName("mean_m");
   grids_->weight->setName("weight");
   grids_->evidence->setName("free_evidence");
-  for (openvdb::GridBase::Ptr g : {openvdb::GridBase::Ptr(grids_->mean),
-                                   openvdb::GridBase::Ptr(grids_->weight),
-                                   openvdb::GridBase::Ptr(grids_->evidence)}) {
+  for (openvdb::GridBase::Ptr g :
+       {openvdb::GridBase::Ptr(grids_->mean), openvdb::GridBase::Ptr(grids_->weight),
+        openvdb::GridBase::Ptr(grids_->evidence)}) {
     g->setTransform(CellCentred(voxel_size_m));
   }
 }
@@ -228,7 +240,8 @@ std::vector<BlockIndex> SurfaceMap::Apply(const SurfaceUpdate& update,
                                           const FusionOptions& options) {
   std::vector<BlockWork> work = GatherWork(update);
   // Topology first, by one thread; then every block on its own.
-  openvdb::tree::ValueAccessor<openvdb::FloatTree> means(grids_->mean->tree()), weights(grids_->weight->tree());
+  openvdb::tree::ValueAccessor<openvdb::FloatTree> means(grids_->mean->tree()),
+      weights(grids_->weight->tree());
   openvdb::tree::ValueAccessor<openvdb::Int32Tree> evidences(grids_->evidence->tree());
   constexpr FreeEvidence kSaturated{kSaturatedFrames, kSaturatedFrames, 0, 0};
   for (BlockWork& w : work) {
@@ -243,12 +256,13 @@ std::vector<BlockIndex> SurfaceMap::Apply(const SurfaceUpdate& update,
     w.evidence = evidences.probeLeaf(ijk);
     if (w.evidence) continue;
     const int32_t tile = evidences.getValue(ijk);
-    const bool counts = w.free && w.free->probable != BlockMask{} && tile != kSaturated.Pack();
+    const bool counts = w.free && ((w.free->probable != BlockMask{} && tile != kSaturated.Pack()) ||
+                                   w.free->hit != BlockMask{});
     const bool contradicts = w.free && w.weight && w.free->contradicted != BlockMask{};
     if (counts || contradicts || (w.band && tile != 0)) w.evidence = evidences.touchLeaf(ijk);
   }
   tbb::parallel_for(size_t{0}, work.size(), [&](size_t i) {
-    BlockFuser fuser(update, options);
+    BlockFuser fuser(update, options, voxel_size_m_);
     fuser.Fuse(work[i]);
   });
   std::vector<BlockIndex> changed;
@@ -270,7 +284,8 @@ std::vector<BlockIndex> SurfaceMap::Edit(RegionAction action, const Aabb& region
   const VoxelIndex low = VoxelOf(region.min() - padding, voxel_size_m_);
   const VoxelIndex high = VoxelOf(region.max() + padding, voxel_size_m_);
   const BlockIndex first = BlockOf(low), last = BlockOf(high);
-  openvdb::tree::ValueAccessor<openvdb::FloatTree> means(grids_->mean->tree()), weights(grids_->weight->tree());
+  openvdb::tree::ValueAccessor<openvdb::FloatTree> means(grids_->mean->tree()),
+      weights(grids_->weight->tree());
   openvdb::tree::ValueAccessor<openvdb::Int32Tree> evidences(grids_->evidence->tree());
   constexpr FreeEvidence kSaturated{kSaturatedFrames, kSaturatedFrames, 0, 0};
   std::vector<BlockIndex> changed;

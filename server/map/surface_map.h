@@ -20,7 +20,7 @@ struct FreeEvidence {
   uint8_t confident = 0;     // frames that saw the whole cube empty (saturating)
   uint8_t probable = 0;      // frames in which a ray passed through, all confident ones included
   uint8_t contradicted = 0;  // consecutive frames that looked through the stored surface
-  uint8_t reserved = 0;
+  uint8_t returns = 0;       // frames with a static return in the cube (saturating)
 
   static FreeEvidence Unpack(int32_t packed);
   int32_t Pack() const;

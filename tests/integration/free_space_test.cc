@@ -97,7 +97,8 @@ Marks Measure(const ViewedScene& viewed, const Sensor& sensor) {
     RayOracle now(kVoxel, kRange);
     now.Add(frame);
     oracle.Add(frame);
-    for (const FreeBlock& free : ObserveFreeSpace(ImageOf(frame), frame.T_W_X, nothing, kOptions)) {
+    for (const FreeBlock& free :
+         ObserveFreeSpace(ImageOf(frame), frame.T_W_X, LocalVoxels{}, nothing, kOptions)) {
       BlockMask& mask = seen[free.block];
       for (int o = 0; o < kBlockVoxels; ++o) {
         if (!clearance::Test(free.probable, o)) {
@@ -184,7 +185,8 @@ TEST(FreeSpace, IsTheSameForAnyNumberOfThreadsAndSorted) {
     std::vector<std::vector<FreeBlock>> results;
     for (const int threads : {1, 2, 5}) {
       tbb::global_control control(tbb::global_control::max_allowed_parallelism, threads);
-      results.push_back(ObserveFreeSpace(ImageOf(frame), frame.T_W_X, nothing, kOptions));
+      results.push_back(
+          ObserveFreeSpace(ImageOf(frame), frame.T_W_X, LocalVoxels{}, nothing, kOptions));
     }
     EXPECT_TRUE(std::is_sorted(results[0].begin(), results[0].end(),
                                [](const auto& a, const auto& b) { return a.block < b.block; }));
@@ -206,14 +208,14 @@ TEST(FreeSpace, TakesNoReturnForNoEvidence) {
   depth.depth_scale_m = 0.001;
   depth.depth.assign(320 * 180, 0);
   const SurfaceMap nothing(kVoxel);
-  EXPECT_TRUE(
-      ObserveFreeSpace(RangeImage::FromDepth(depth, kRange), Pose::Identity(), nothing, kOptions)
-          .empty());
+  EXPECT_TRUE(ObserveFreeSpace(RangeImage::FromDepth(depth, kRange), Pose::Identity(),
+                               LocalVoxels{}, nothing, kOptions)
+                  .empty());
   // One pixel in the middle: only voxels on its ray.
   depth.depth[90 * 320 + 160] = 5000;
   int64_t probable = 0;
   for (const FreeBlock& f : ObserveFreeSpace(RangeImage::FromDepth(depth, kRange), Pose::Identity(),
-                                             nothing, kOptions)) {
+                                             LocalVoxels{}, nothing, kOptions)) {
     EXPECT_EQ(f.confident, BlockMask{});
     for (const uint64_t word : f.probable) probable += __builtin_popcountll(word);
   }
@@ -229,7 +231,7 @@ TEST(FreeSpace, EndsAtTheLongestRange) {
   const SurfaceMap nothing(kVoxel);
   double farthest = 0;
   for (const FreeBlock& f : ObserveFreeSpace(RangeImage::FromDepth(depth, kRange), Pose::Identity(),
-                                             nothing, kOptions)) {
+                                             LocalVoxels{}, nothing, kOptions)) {
     for (int o = 0; o < kBlockVoxels; ++o) {
       if (clearance::Test(f.probable, o)) {
         farthest = std::max(farthest, VoxelCentre(VoxelAt(f.block, o), kVoxel).z());

@@ -1,0 +1,68 @@
+#include "server/integration/stored_surface.h"
+
+#include <cmath>
+
+namespace clearance {
+namespace {
+
+constexpr float kHeldVoxels = 0.9f;
+constexpr float kMaxJumpVoxels = 1.5f;
+constexpr float kMinSlope = 0.6f;  // of a mean that is a distance: 1
+constexpr int kStride[3] = {64, 8, 1};
+
+}  // namespace
+
+StoredSurface::StoredSurface(const SurfaceMap& map, const BlockIndex& block)
+    : map_(&map),
+      block_(block),
+      mean_(map.MeanBlock(block)),
+      weight_(map.WeightBlock(block)),
+      h_(static_cast<float>(map.voxel_size_m())) {}
+
+BlockMask StoredSurface::HeldVoxels() const {
+  BlockMask mask{};
+  for (int o = 0; o < kBlockVoxels; ++o) {
+    const bool held = (weight_[o] > 0.f) & (mean_[o] < kHeldVoxels * h_);
+    mask[o >> 6] |= static_cast<uint64_t>(held) << (o & 63);
+  }
+  return mask;
+}
+
+bool StoredSurface::Difference(int offset, int axis, int side, float* difference) {
+  const int at = (offset / kStride[axis]) & 7;
+  const float* mean = mean_;
+  const float* weight = weight_;
+  int other = offset + side * kStride[axis];
+  if (at + side < 0 || at + side > 7) {
+    const int n = 2 * axis + (side > 0);
+    if (!((looked_up_ >> n) & 1)) {
+      BlockIndex block = block_;
+      (axis == 0 ? block.x : axis == 1 ? block.y : block.z) += side;
+      neighbours_[n] = {map_->MeanBlock(block), map_->WeightBlock(block)};
+      looked_up_ |= static_cast<uint8_t>(1 << n);
+    }
+    mean = neighbours_[n].mean;
+    weight = neighbours_[n].weight;
+    if (!mean || !weight) return false;
+    other = offset - side * 7 * kStride[axis];
+  }
+  if (!(weight[other] > 0.f)) return false;
+  *difference = static_cast<float>(side) * (mean[other] - mean_[offset]);
+  return std::abs(*difference) < kMaxJumpVoxels * h_;
+}
+
+Eigen::Vector3f StoredSurface::Normal(int offset) {
+  Eigen::Vector3f gradient;
+  for (int axis = 0; axis < 3; ++axis) {
+    float below = 0.f, above = 0.f;
+    const bool has_below = Difference(offset, axis, -1, &below);
+    const bool has_above = Difference(offset, axis, +1, &above);
+    const float sum = (has_below ? below : 0.f) + (has_above ? above : 0.f);
+    gradient[axis] = has_below && has_above ? 0.5f * sum : sum;
+  }
+  const float length = gradient.norm();
+  if (!(length > kMinSlope * h_)) return Eigen::Vector3f::Zero();
+  return gradient / length;
+}
+
+}  // namespace clearance
