@@ -2,7 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "server/core/aabb.h"
@@ -16,18 +16,16 @@ struct SurfaceSite {
   float sigma_m = 0;
 };
 
+// Built and read by query/ (BuildObjectShape).
+struct SurfelTree;
+
 // Immutable once built; shared by every revision in which the object's surface did not change.
 struct ObjectShape {
   double voxel_size_m = 0.1;
-  Eigen::AlignedBox3f bounds_L;     // of the observed surface, empty when there is none
-  std::vector<SurfaceSite> sites;   // in tree order
-  // Box tree over `sites`, built by query/ (BuildObjectShape); layout private to query/object_tree.
-  struct Node {
-    float lower[3], upper[3];
-    uint32_t first = 0;  // leaf: first site; inner: index of the left child (right = left + 1)
-    uint32_t count = 0;  // leaf: number of sites; inner: 0
-  };
-  std::vector<Node> nodes;
+  Eigen::AlignedBox3f bounds_L;    // of the observed surface, empty when there is none
+  std::vector<SurfaceSite> sites;  // in tree order
+  float max_sigma_m = 0;           // largest of the sites
+  std::shared_ptr<const SurfelTree> tree;
 };
 
 }  // namespace clearance

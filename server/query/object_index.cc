@@ -1,14 +1,18 @@
 #include "server/query/object_index.h"
 
 #include <algorithm>
-#include <limits>
+#include <array>
 #include <numeric>
+#include <span>
 #include <utility>
 
 namespace clearance {
 namespace {
 
-constexpr uint32_t kLeafEntries = 2;
+// Objects are grouped by where they are now and where they will be then: traffic that parts does
+// not share a box.
+constexpr float kGroupingHorizonS = 2;
+constexpr float kRounding = 1e-6f;
 
 ObjectIndex::Entry MakeEntry(const ObjectView& object, uint32_t index) {
   ObjectIndex::Entry entry;
@@ -18,9 +22,7 @@ ObjectIndex::Entry MakeEntry(const ObjectView& object, uint32_t index) {
   entry.bounds_L = object.shape->bounds_L;
   entry.position_sigma_m = static_cast<float>(object.position_sigma_m);
   entry.velocity_sigma_mps = static_cast<float>(object.velocity_sigma_mps);
-  for (const SurfaceSite& site : object.shape->sites) {
-    entry.max_site_sigma_m = std::max(entry.max_site_sigma_m, site.sigma_m);
-  }
+  entry.max_site_sigma_m = object.shape->max_sigma_m;
   entry.object = index;
   entry.id = object.id;
   entry.life_state = object.life_state;
@@ -28,13 +30,24 @@ ObjectIndex::Entry MakeEntry(const ObjectView& object, uint32_t index) {
   return entry;
 }
 
-Eigen::Array4f Padded(const Eigen::Vector3d& v) {
-  return {static_cast<float>(v.x()), static_cast<float>(v.y()), static_cast<float>(v.z()), 0.f};
-}
+struct Bounds {
+  Eigen::Array3f lower, upper, v_lower, v_upper;
+  float acceleration_mps2, sigma_m, sigma_growth_mps;
+
+  void Extend(const Bounds& other) {
+    lower = lower.min(other.lower);
+    upper = upper.max(other.upper);
+    v_lower = v_lower.min(other.v_lower);
+    v_upper = v_upper.max(other.v_upper);
+    acceleration_mps2 = std::max(acceleration_mps2, other.acceleration_mps2);
+    sigma_m = std::max(sigma_m, other.sigma_m);
+    sigma_growth_mps = std::max(sigma_growth_mps, other.sigma_growth_mps);
+  }
+};
 
 // Bounds of one box now, of its velocities and of its acceleration: all three are extreme at
 // corners, since a body's velocity is linear in the point and its length convex.
-ObjectIndex::Node BoundsOf(const ObjectIndex::Entry& entry, const Eigen::Vector3d& origin_W) {
+Bounds BoundsOf(const ObjectIndex::Entry& entry, const Eigen::Vector3d& origin_W) {
   const Eigen::Vector3d linear = entry.screw_W.head<3>();
   const Eigen::Vector3d angular = entry.screw_W.tail<3>();
   Eigen::AlignedBox3d box, velocities;
@@ -48,25 +61,10 @@ ObjectIndex::Node BoundsOf(const ObjectIndex::Entry& entry, const Eigen::Vector3
     velocities.extend(velocity);
     acceleration = std::max(acceleration, angular.cross(velocity).norm());
   }
-  ObjectIndex::Node node;
-  node.lower = Padded(box.min());
-  node.upper = Padded(box.max());
-  node.v_lower = Padded(velocities.min());
-  node.v_upper = Padded(velocities.max());
-  node.acceleration_mps2 = static_cast<float>(acceleration);
-  node.sigma_m = entry.max_site_sigma_m + entry.position_sigma_m;
-  node.sigma_growth_mps = entry.velocity_sigma_mps;
-  return node;
-}
-
-void Extend(ObjectIndex::Node& node, const ObjectIndex::Node& other) {
-  node.lower = node.lower.min(other.lower);
-  node.upper = node.upper.max(other.upper);
-  node.v_lower = node.v_lower.min(other.v_lower);
-  node.v_upper = node.v_upper.max(other.v_upper);
-  node.acceleration_mps2 = std::max(node.acceleration_mps2, other.acceleration_mps2);
-  node.sigma_m = std::max(node.sigma_m, other.sigma_m);
-  node.sigma_growth_mps = std::max(node.sigma_growth_mps, other.sigma_growth_mps);
+  return {box.min().cast<float>(),          box.max().cast<float>(),
+          velocities.min().cast<float>(),   velocities.max().cast<float>(),
+          static_cast<float>(acceleration), entry.max_site_sigma_m + entry.position_sigma_m,
+          entry.velocity_sigma_mps};
 }
 
 class IndexBuilder {
@@ -74,13 +72,14 @@ class IndexBuilder {
   explicit IndexBuilder(ObjectIndex& index) : index_(index), order_(index.entries.size()) {
     for (const ObjectIndex::Entry& entry : index.entries) {
       bounds_.push_back(BoundsOf(entry, index.origin_W));
+      const Eigen::Array3f far = bounds_.back().lower.abs().max(bounds_.back().upper.abs());
+      index.slack_m = std::max(index.slack_m, kRounding * far.sum());
     }
     std::iota(order_.begin(), order_.end(), 0u);
   }
 
   void Build() {
-    index_.nodes.resize(1);
-    Split(0, 0, static_cast<uint32_t>(order_.size()));
+    Split(0, static_cast<uint32_t>(order_.size()));
     std::vector<ObjectIndex::Entry> sorted;
     sorted.reserve(order_.size());
     for (uint32_t i : order_) sorted.push_back(std::move(index_.entries[i]));
@@ -88,38 +87,54 @@ class IndexBuilder {
   }
 
  private:
-  void Split(uint32_t node, uint32_t first, uint32_t count) {
-    ObjectIndex::Node bounds = bounds_[order_[first]];
-    Eigen::Array4f centre_low = Centre(order_[first]), centre_high = centre_low;
-    for (uint32_t i = first + 1; i < first + count; ++i) {
-      Extend(bounds, bounds_[order_[i]]);
-      centre_low = centre_low.min(Centre(order_[i]));
-      centre_high = centre_high.max(Centre(order_[i]));
+  // The node over order_[first, first + count); returns its index.
+  uint32_t Split(uint32_t first, uint32_t count) {
+    std::array<uint32_t, kWays + 1> cuts;
+    const int runs = CutInEight(
+        std::span(order_).subspan(first, count), [this](uint32_t i) { return Key(i); },
+        [](uint32_t i) { return i; }, &cuts);
+    const auto index = static_cast<uint32_t>(index_.nodes.size());
+    index_.nodes.emplace_back();
+    for (int lane = 0; lane < kWays; ++lane) {
+      const uint32_t size = lane < runs ? cuts[lane + 1] - cuts[lane] : 0;
+      const uint32_t begin = size > 0 ? first + cuts[lane] : 0;
+      SetLane(index_.nodes[index], lane, begin, size);
+      const uint32_t child = size == 0   ? 0
+                             : size == 1 ? ObjectIndex::kEntry | begin
+                                         : Split(begin, size);
+      index_.nodes[index].child[lane] = child;
     }
-    bounds.first = first;
-    bounds.count = count;
-    if (count > kLeafEntries) {
-      int axis;
-      (centre_high - centre_low).maxCoeff(&axis);
-      const auto begin = order_.begin() + first;
-      const uint32_t half = count / 2;
-      std::nth_element(begin, begin + half, begin + count, [&](uint32_t a, uint32_t b) {
-        return std::pair(Centre(a)[axis], a) < std::pair(Centre(b)[axis], b);
-      });
-      bounds.first = static_cast<uint32_t>(index_.nodes.size());
-      bounds.count = 0;
-      index_.nodes.resize(bounds.first + 2);
-      Split(bounds.first, first, half);
-      Split(bounds.first + 1, first + half, count - half);
-    }
-    index_.nodes[node] = bounds;
+    return index;
   }
 
-  Eigen::Array4f Centre(uint32_t i) const { return bounds_[i].lower + bounds_[i].upper; }
+  void SetLane(ObjectIndex::Node& node, int lane, uint32_t begin, uint32_t size) {
+    const Eigen::Array3f far = Eigen::Array3f::Constant(kFarAway), zero = Eigen::Array3f::Zero();
+    Bounds bounds{far, far, zero, zero, 0, 0, 0};
+    for (uint32_t i = begin; i < begin + size; ++i) {
+      if (i == begin) bounds = bounds_[order_[i]];
+      bounds.Extend(bounds_[order_[i]]);
+    }
+    for (int axis = 0; axis < 3; ++axis) {
+      node.lower[axis][lane] = bounds.lower[axis];
+      node.upper[axis][lane] = bounds.upper[axis];
+      node.v_lower[axis][lane] = bounds.v_lower[axis];
+      node.v_upper[axis][lane] = bounds.v_upper[axis];
+    }
+    node.acceleration_mps2[lane] = bounds.acceleration_mps2;
+    node.sigma_m[lane] = bounds.sigma_m;
+    node.sigma_growth_mps[lane] = bounds.sigma_growth_mps;
+  }
+
+  std::array<float, 6> Key(uint32_t i) const {
+    const Bounds& b = bounds_[i];
+    const Eigen::Array3f now = b.lower + b.upper;
+    const Eigen::Array3f then = now + kGroupingHorizonS * (b.v_lower + b.v_upper);
+    return {now.x(), now.y(), now.z(), then.x(), then.y(), then.z()};
+  }
 
   ObjectIndex& index_;
   std::vector<uint32_t> order_;
-  std::vector<ObjectIndex::Node> bounds_;
+  std::vector<Bounds> bounds_;
 };
 
 }  // namespace

@@ -7,26 +7,38 @@
 #include <utility>
 
 #include "server/core/pose.h"
+#include "server/query/lanes.h"
 #include "server/query/object_tree.h"
 
 namespace clearance {
 namespace {
 
-constexpr int kStackDepth = 64;
 // Bounds are floats relative to the index's origin: a subtree is left out only beyond what their
 // rounding can hide.
 constexpr float kRounding = 1e-6f;
+constexpr float kTopSpeedMps = 300;
+// The score of what may hold the point: an object can answer anything down to minus its depth.
+constexpr float kUnbounded = -1e30f;
 
-// A lower bound of the distance to everything below the node.
-float DistanceBound(const ObjectIndex::Node& node, const Eigen::Array4f& p, float s) {
-  Eigen::Array4f below = node.lower - p, above = p - node.upper;
-  if (s != 0) {
-    const float deviation = 0.5f * s * s * node.acceleration_mps2;
-    below += s * node.v_lower - deviation;
-    above -= s * node.v_upper + deviation;
-    below[3] = above[3] = 0;
+// Lower bounds of distance - sigma_margin * sigma of all children.
+[[gnu::always_inline]] inline Floats ScoreBounds(const ObjectIndex::Node& node,
+                                                 const Eigen::Vector3f& p, float s, float slack_m,
+                                                 float sigma_margin) {
+  Floats squared = AllOf(0);
+  const Floats deviation = 0.5f * s * s * LoadFloats(node.acceleration_mps2);
+  for (int axis = 0; axis < 3; ++axis) {
+    Floats below = LoadFloats(node.lower[axis]) - p[axis];
+    Floats above = p[axis] - LoadFloats(node.upper[axis]);
+    if (s != 0) {
+      below += s * LoadFloats(node.v_lower[axis]) - deviation;
+      above -= s * LoadFloats(node.v_upper[axis]) + deviation;
+    }
+    const Floats outside = LaneMax(LaneMax(below, above), AllOf(0));
+    squared += outside * outside;
   }
-  return std::sqrt(below.max(above).max(0.f).square().sum());
+  const Floats sigma = LoadFloats(node.sigma_m) + s * LoadFloats(node.sigma_growth_mps);
+  const Floats score = LaneSqrt(squared) - (sigma_margin * sigma + slack_m);
+  return squared == 0 ? AllOf(kUnbounded) : score;
 }
 
 }  // namespace
@@ -39,7 +51,7 @@ float ObjectSigma(const ObjectIndex::Entry& entry, float site_sigma_m, double ho
 
 bool AskObject(const ObjectIndex::Entry& entry, const Eigen::Matrix3d& R_L_W,
                const Eigen::Vector3d& t_W_L, const Eigen::Vector3d& p_W, double horizon_s,
-               float limit_m, ObjectAnswer* answer) {
+               float limit_m, ObjectAnswer* answer, int* nearest_site) {
   const ObjectShape& shape = *entry.shape;
   const Eigen::Vector3f p_L = (R_L_W * (p_W - t_W_L)).cast<float>();
   const bool in_bounds = entry.bounds_L.contains(p_L);
@@ -50,8 +62,10 @@ bool AskObject(const ObjectIndex::Entry& entry, const Eigen::Matrix3d& R_L_W,
                                 limit_m * limit_m * (1 + 1e-5f) + 1e-10f) {
     return false;
   }
-  const NearestSurfel nearest = FindNearestSurfel(shape, p_L, limit_m);
+  const NearestSurfel nearest =
+      FindNearestSurfel(shape, p_L, limit_m, nearest_site != nullptr ? *nearest_site : -1);
   if (nearest.site < 0) return false;
+  if (nearest_site != nullptr) *nearest_site = nearest.site;
   const SurfaceSite& site = shape.sites[nearest.site];
   const bool inside = in_bounds && IsInside(shape, p_L, nearest.distance_m);
   answer->distance_m = inside ? -nearest.distance_m : nearest.distance_m;
@@ -66,14 +80,17 @@ bool AskObject(const ObjectIndex::Entry& entry, const Eigen::Matrix3d& R_L_W,
 
 ObjectQuery::ObjectQuery(const ObjectIndex& index, const std::vector<uint8_t>& enabled,
                          float sigma_margin)
-    : index_(index), enabled_(enabled), sigma_margin_(sigma_margin) {}
+    : index_(index),
+      enabled_(enabled),
+      sigma_margin_(sigma_margin),
+      nearest_sites_(index.entries.size(), -1) {}
 
 bool ObjectQuery::Ask(uint32_t i, const Eigen::Vector3d& p_W, double horizon_s, float limit_m,
                       ObjectAnswer* answer) {
   const ObjectIndex::Entry& entry = index_.entries[i];
   answer->entry = i;
   if (horizon_s == 0) {
-    return AskObject(entry, entry.R_L_W, entry.t_W_L, p_W, 0, limit_m, answer);
+    return AskObject(entry, entry.R_L_W, entry.t_W_L, p_W, 0, limit_m, answer, &nearest_sites_[i]);
   }
   if (posed_.empty()) posed_.resize(index_.entries.size());
   Posed& posed = posed_[i];
@@ -83,7 +100,8 @@ bool ObjectQuery::Ask(uint32_t i, const Eigen::Vector3d& p_W, double horizon_s, 
     posed.R_L_W = entry.R_L_W * H_W.linear().transpose();
     posed.t_W_L = H_W * entry.t_W_L;
   }
-  return AskObject(entry, posed.R_L_W, posed.t_W_L, p_W, horizon_s, limit_m, answer);
+  return AskObject(entry, posed.R_L_W, posed.t_W_L, p_W, horizon_s, limit_m, answer,
+                   &nearest_sites_[i]);
 }
 
 // Calls visit(entry, reach) for every enabled entry whose bounds allow a score of at most
@@ -91,36 +109,30 @@ bool ObjectQuery::Ask(uint32_t i, const Eigen::Vector3d& p_W, double horizon_s, 
 template <typename Limit, typename Visit>
 void ObjectQuery::Traverse(const Eigen::Vector3d& p_W, double horizon_s, Limit limit, Visit visit) {
   if (index_.nodes.empty()) return;
-  const Eigen::Vector3f local = (p_W - index_.origin_W).cast<float>();
-  const Eigen::Array4f p(local.x(), local.y(), local.z(), 0.f);
+  const Eigen::Vector3f p = (p_W - index_.origin_W).cast<float>();
   const float s = static_cast<float>(horizon_s);
-  const ObjectIndex::Node& root = index_.nodes[0];
-  const float slack = kRounding * (local.lpNorm<1>() + (root.upper.abs() + root.lower.abs()).sum() +
-                                   s * (root.v_upper.abs() + root.v_lower.abs()).sum() +
-                                   s * s * root.acceleration_mps2);
-  const auto margin = [&](const ObjectIndex::Node& node) {
-    return sigma_margin_ * (node.sigma_m + s * node.sigma_growth_mps) + slack;
-  };
-  std::array<std::pair<float, uint32_t>, kStackDepth> stack;
-  int depth = 0;
-  stack[depth++] = {DistanceBound(root, p, s), 0};
-  while (depth > 0) {
-    const auto [bound, n] = stack[--depth];
-    const ObjectIndex::Node& node = index_.nodes[n];
-    // Inside its box an object may answer anything down to minus its depth.
-    if (bound > 0 && bound > limit() + margin(node)) continue;
-    if (node.count > 0) {
-      for (uint32_t i = node.first; i < node.first + node.count; ++i) {
-        if (enabled_.empty() || enabled_[i]) visit(i, limit() + margin(node));
+  // The boxes' own coordinates, the point's, and how far the boxes may have come since.
+  const float slack_m = index_.slack_m + kRounding * p.lpNorm<1>() + kRounding * s * kTopSpeedMps;
+  VisitStack stack;
+  const ObjectIndex::Node* node = &index_.nodes[0];
+  while (true) {
+    stack.Push(ScoreBounds(*node, p, s, slack_m, sigma_margin_), node->child, limit());
+    node = nullptr;
+    while (node == nullptr) {
+      if (stack.empty()) return;
+      const VisitStack::Visit next = stack.Pop();
+      if (next.bound > limit()) continue;
+      if (!(next.child & ObjectIndex::kEntry)) {
+        node = &index_.nodes[next.child];
+        continue;
       }
-      continue;
+      const uint32_t i = next.child & ~ObjectIndex::kEntry;
+      if (!enabled_.empty() && !enabled_[i]) continue;
+      const ObjectIndex::Entry& entry = index_.entries[i];
+      const float sigma_m =
+          entry.max_site_sigma_m + entry.position_sigma_m + s * entry.velocity_sigma_mps;
+      visit(i, limit() + sigma_margin_ * sigma_m + slack_m);
     }
-    std::pair<float, uint32_t> near{DistanceBound(index_.nodes[node.first], p, s), node.first};
-    std::pair<float, uint32_t> far{DistanceBound(index_.nodes[node.first + 1], p, s),
-                                   node.first + 1};
-    if (far.first < near.first) std::swap(near, far);
-    stack[depth++] = far;
-    stack[depth++] = near;
   }
 }
 

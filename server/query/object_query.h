@@ -28,7 +28,7 @@ float ObjectSigma(const ObjectIndex::Entry& entry, float site_sigma_m, double ho
 // the object's box; false when nothing is nearer or as near.
 bool AskObject(const ObjectIndex::Entry& entry, const Eigen::Matrix3d& R_L_W,
                const Eigen::Vector3d& t_W_L, const Eigen::Vector3d& p_W, double horizon_s,
-               float limit_m, ObjectAnswer* answer);
+               float limit_m, ObjectAnswer* answer, int* nearest_site = nullptr);
 
 // Reads one index for many points; keeps the objects' poses at the last horizon asked. Not shared
 // between threads.
@@ -61,7 +61,8 @@ class ObjectQuery {
   const ObjectIndex& index_;
   const std::vector<uint8_t>& enabled_;
   float sigma_margin_;
-  std::vector<Posed> posed_;  // by entry, filled on demand; empty until a horizon is asked
+  std::vector<Posed> posed_;        // by entry, filled on demand; empty until a horizon is asked
+  std::vector<int> nearest_sites_;  // by entry: the last answer, where the next search starts
 };
 
 }  // namespace clearance

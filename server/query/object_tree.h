@@ -31,13 +31,14 @@ Eigen::Vector3f DirectionFromSurfel(const SurfaceSite& site, float radius_m,
                                     const Eigen::Vector3f& p_L);
 
 // The surfel nearest to `p_L`, ties by the lower site index; `site` is -1 when none is nearer than
-// or at `limit_m`.
+// or at `limit_m`. `seed`: a site that may be near, such as the last point's; it changes the time
+// only.
 struct NearestSurfel {
   int site = -1;
   float distance_m = 0;  // >= 0
 };
-NearestSurfel FindNearestSurfel(const ObjectShape& shape, const Eigen::Vector3f& p_L,
-                                float limit_m);
+NearestSurfel FindNearestSurfel(const ObjectShape& shape, const Eigen::Vector3f& p_L, float limit_m,
+                                int seed = -1);
 
 // Whether a point lies inside: within the shape's bounds and behind the surfels that are nearest,
 // by a vote of all surfels up to one voxel farther than the nearest, which outvotes stray normals.
