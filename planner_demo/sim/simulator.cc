@@ -35,6 +35,7 @@ SimulatedFrame Simulator::Next() {
   GrowLabels(noise_.label_grow_px, wraps, frame.scan);
   AddDepthNoise(noise_.depth_sigma_m, MaxRange(scene_.sensor), seed_, frame.frame, frame.scan);
   AddMotions(frame);
+  known_.insert(frame.scan.labels.begin(), frame.scan.labels.end());
   return frame;
 }
 
@@ -45,12 +46,8 @@ void Simulator::HideLateLabels(SimulatedFrame& frame) {
 }
 
 void Simulator::AddMotions(SimulatedFrame& frame) const {
-  if (frame.frame == 0) return;
   for (const Mover& mover : scene_.movers) {
-    // A front end that labels late does not know the object before.
-    const auto seen = frames_in_view_.find(mover.id);
-    const int in_view = seen == frames_in_view_.end() ? 0 : seen->second;
-    if (noise_.late_label_frames > 0 && in_view <= noise_.late_label_frames) continue;
+    if (!known_.contains(mover.id)) continue;
     const Eigen::Isometry3d T_W_L = mover.T_W_L(frame.time_s);
     const Eigen::Isometry3d H_W = T_W_L * mover.T_W_L(TimeOf(frame.frame - 1)).inverse();
     frame.motions.push_back(

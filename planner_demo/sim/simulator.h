@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <set>
 #include <vector>
 
 #include "planner_demo/sim/noise.h"
@@ -20,7 +21,8 @@ struct SimulatedFrame {
   double time_s = 0.0;
   Eigen::Isometry3d T_W_X = Eigen::Isometry3d::Identity();
   Scan scan;
-  std::vector<Motion> motions;  // all movers the front end knows, in view or not
+  // Of every mover that had a label in an earlier frame, in view now or not.
+  std::vector<Motion> motions;
 
   std::map<uint16_t, int> true_pixels;  // per mover in view, before any label noise
 };
@@ -45,6 +47,7 @@ class Simulator {
   uint64_t seed_;
   std::vector<Eigen::Vector3d> directions_X_;
   std::map<uint16_t, int> frames_in_view_;
+  std::set<uint16_t> known_;  // had a label
   int next_frame_ = 0;
 };
 

@@ -101,6 +101,9 @@ Solid MakeSolid(const std::string& name, uint32_t seed) {
   s.T_W_P = testing::RandomPose(seed, 0.3);
   if (name == "plane") {
     s.kind = Solid::Kind::kHalfSpace;
+  } else if (name == "grid plane") {  // along a border of cubes
+    s.kind = Solid::Kind::kHalfSpace;
+    s.T_W_P = Pose::Identity();
   } else if (name == "sphere") {
     s.kind = Solid::Kind::kSphere;
     s.size.setConstant(0.8);
@@ -121,7 +124,7 @@ void PrintSiteCandidates() {
       "solid      noise  sites  | site to surface        | surface to site       "
       " | distance to 1 m\n");
   for (double noise_m : {0.0, 0.01, 0.02}) {
-    for (const char* name : {"plane", "sphere", "box", "8 cm pole", "30 cm pole"}) {
+    for (const char* name : {"plane", "grid plane", "sphere", "box", "8 cm pole", "30 cm pole"}) {
       for (bool by_edges : {false, true}) {
         std::vector<double> off, gap, distance;
         for (uint32_t seed = 1; seed <= 6; ++seed) {
