@@ -112,6 +112,18 @@ absl::Status WriteScan(const fs::path& folder, const Sensor& sensor,
   return WriteCloud(folder / "cloud" / (name + ".ply"), points_X, labels);
 }
 
+// What the objects are, with the size of the box around each in its body frame.
+std::string ObjectTable(const Scene& scene) {
+  std::string table = "object_id,class,moving,length,width,height\n";
+  for (const Mover& mover : scene.movers) {
+    Eigen::AlignedBox3d box;
+    for (const Solid& solid : mover.solids) box.extend(Bounds(solid));
+    absl::StrAppendFormat(&table, "%d,%s,1,%.3f,%.3f,%.3f\n", mover.id, mover.class_name,
+                          box.sizes().x(), box.sizes().y(), box.sizes().z());
+  }
+  return table;
+}
+
 absl::Status WriteGroundTruth(const Scene& scene, const fs::path& gt) {
   std::string poses = kPoseHeader;
   for (int frame = 0; frame < scene.frame_count + scene.future_frames; ++frame) {
@@ -168,6 +180,7 @@ absl::Status WriteSequence(const Scene& scene, const SequenceOptions& options,
   std::string trajectory;
   std::string motions = kPoseHeader;
   std::string visibility = "frame,object_id,pixels\n";
+  const std::string objects = ObjectTable(scene);
   for (int k = 0; k < scene.frame_count; ++k) {
     const SimulatedFrame frame = simulator.Next();
     if (auto s = WriteScan(folder, scene.sensor, directions_X, frame); !s.ok()) return s;
@@ -183,6 +196,7 @@ absl::Status WriteSequence(const Scene& scene, const SequenceOptions& options,
   for (const auto& [name, text] :
        {std::pair<const char*, const std::string*>{"trajectory.tum", &trajectory},
         {"object_motions.csv", &motions},
+        {"objects.csv", &objects},
         {"gt/visibility.csv", &visibility}}) {
     if (auto s = WriteText(folder / name, *text); !s.ok()) return s;
   }

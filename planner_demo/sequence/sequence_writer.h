@@ -20,6 +20,7 @@ struct SequenceOptions {
 
 // Plays `scene` from its first to its last frame into a sequence folder:
 //   sequence.json, trajectory.tum (T_W_X), object_motions.csv (H_W from frame - 1 to frame),
+//   objects.csv (class and size of each object),
 //   depth/ and label/ (camera) or cloud/ (lidar; returns only, in the sensor frame),
 //   gt/objects/J.ply (body frame L), gt/object_poses.csv (T_W_L, future frames too),
 //   gt/static.ply, gt/visibility.csv (pixels per object in view, before label noise).

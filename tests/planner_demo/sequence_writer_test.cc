@@ -176,6 +176,16 @@ TEST_F(SequenceWriterTest, WritesMotionsAndFuturesThatAgree) {
   EXPECT_NE(Read("gt/static.ply").find("element face"), std::string::npos);
 }
 
+TEST_F(SequenceWriterTest, NamesWhatTheObjectsAre) {
+  Scene scene = MakeCubes(0, 1);
+  scene.sensor = DepthCamera::WithHorizontalView(16, 12, 1.1, 2e-4, 8.0);
+  ASSERT_TRUE(WriteSequence(scene, {}, folder_).ok());
+  EXPECT_EQ(Read("objects.csv"),
+            "object_id,class,moving,length,width,height\n"
+            "1,Cube,1,0.300,0.300,0.300\n2,Cube,1,0.300,0.300,0.300\n"
+            "3,Cube,1,0.300,0.300,0.300\n4,Cube,1,0.300,0.300,0.300\n");
+}
+
 TEST_F(SequenceWriterTest, RefusesToMixWithAnotherRecording) {
   Scene scene = MakeAnalytic("plane", 0, 1);
   scene.sensor = DepthCamera::WithHorizontalView(16, 12, 1.1, 2e-4, 8.0);
