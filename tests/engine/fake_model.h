@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "server/engine/map_model.h"
+#include "server/engine/map_registry.h"
 
 namespace clearance {
 
@@ -81,6 +82,13 @@ class FakeModel final : public MapModel {
 
 inline MapModelFactory FakeModelFactory(std::shared_ptr<FakeLog> log) {
   return [log](const MapConfig& config) { return std::make_unique<FakeModel>(config, log); };
+}
+
+inline RegistryOptions FakeRegistry(std::shared_ptr<FakeLog> log, size_t max_maps) {
+  RegistryOptions options;
+  options.model = FakeModelFactory(std::move(log));
+  options.max_maps = max_maps;
+  return options;
 }
 
 inline Frame FakeFrame(uint64_t id, int points = 1, const std::string& source = "default") {

@@ -15,7 +15,7 @@ using ::testing::HasSubstr;
 
 class MapRegistryTest : public ::testing::Test {
  protected:
-  MapRegistryTest() : registry_({.engine = {}, .max_maps = 2, .model = FakeModelFactory(log_)}) {}
+  MapRegistryTest() : registry_(FakeRegistry(log_, 2)) {}
 
   std::shared_ptr<FakeLog> log_ = std::make_shared<FakeLog>();
   MapRegistry registry_;
@@ -93,7 +93,9 @@ TEST_F(MapRegistryTest, ReadersWritersAndDeletionMayCollide) {
         const auto engine = registry_.Get("a");
         if (!engine.ok()) continue;
         const ViewPtr view = (*engine)->Latest();
-        if (view->epoch == epoch) EXPECT_GE(view->revision, last);
+        if (view->epoch == epoch) {
+          EXPECT_GE(view->revision, last);
+        }
         epoch = view->epoch;
         last = view->revision;
         (*engine)->Stats();

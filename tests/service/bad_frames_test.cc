@@ -124,7 +124,9 @@ TEST_F(BadFramesTest, AreRejectedWithFieldAndIndexAndNothingElseHappens) {
     EXPECT_EQ(ack.stamp().revision(), 1u);
     ASSERT_GE(ack.violations_size(), 1);
     EXPECT_THAT(ack.violations(0).field(), HasSubstr(bad.field));
-    if (bad.index >= 0) EXPECT_EQ(ack.violations(0).index(), bad.index);
+    if (bad.index >= 0) {
+      EXPECT_EQ(ack.violations(0).index(), bad.index);
+    }
     EXPECT_FALSE(ack.violations(0).description().empty());
   }
   EXPECT_EQ(Revision(), 1u);

@@ -32,7 +32,9 @@ std::string ReadFile(grpc::ClientReader<Response>& reader, std::vector<Response>
     file += chunk.data();
     chunks->push_back(chunk);
   }
-  if (!chunks->empty()) EXPECT_EQ(chunks->front().total_bytes(), file.size());
+  if (!chunks->empty()) {
+    EXPECT_EQ(chunks->front().total_bytes(), file.size());
+  }
   return file;
 }
 

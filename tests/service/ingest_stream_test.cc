@@ -307,7 +307,9 @@ TEST_F(IngestStreamTest, TwoMapsTakeFramesSideBySide) {
   ASSERT_TRUE(b.Open("yard", "cam"));
   for (uint64_t id = 1; id <= 5; ++id) {
     ASSERT_TRUE(a.Send(ProtoFrame(id)));
-    if (id <= 2) ASSERT_TRUE(b.Send(ProtoFrame(id + 40)));
+    if (id <= 2) {
+      ASSERT_TRUE(b.Send(ProtoFrame(id + 40)));
+    }
   }
   EXPECT_TRUE(a.Finish().ok());
   EXPECT_TRUE(b.Finish().ok());

@@ -17,8 +17,7 @@ using ::testing::HasSubstr;
 class ListenTest : public ServiceFixture {
  protected:
   void SetUp() override {
-    registry_ = std::make_unique<MapRegistry>(
-        RegistryOptions{.engine = {}, .max_maps = 4, .model = FakeModelFactory(log_)});
+    registry_ = std::make_unique<MapRegistry>(FakeRegistry(log_, 4));
     ASSERT_TRUE(registry_->Create("default", {}).ok());
     path_ = ::testing::TempDir() + "clearance_listen_test_" + std::to_string(getpid()) + ".sock";
   }
@@ -81,7 +80,7 @@ TEST_F(ListenTest, ASocketThatAnswersIsNotStolenAndAStaleOneIsReplaced) {
   std::snprintf(address.sun_path, sizeof(address.sun_path), "%s", path_.c_str());
   ASSERT_EQ(bind(fd, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
   close(fd);  // a socket file without a server, as a crash leaves it
-  MapRegistry registry({.engine = {}, .max_maps = 4, .model = FakeModelFactory(log_)});
+  MapRegistry registry(FakeRegistry(log_, 4));
   auto next = ClearanceServer::Start(&registry, options);
   ASSERT_TRUE(next.ok()) << next.status();
   EXPECT_TRUE(Healthy("unix:" + path_));
