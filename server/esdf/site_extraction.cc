@@ -14,6 +14,10 @@ constexpr int kHaloStride[3] = {kHaloSide * kHaloSide, kHaloSide, 1};
 // value alone is trusted, and no second value is looked up.
 constexpr float kMinSlope = 0.9f, kMaxSlope = 1.3f;
 constexpr float kMaxCorrectionVoxels = 0.25f;
+// Feet farther than this are not in the own cube, before or after the correction.
+constexpr float kReachVoxels = 0.87f + kMaxCorrectionVoxels;
+// A foot this little outside is pulled in: no gap where two neighbours disagree by a hair.
+constexpr float kMarginVoxels = 0.03f;
 // Below this slope the direction to the surface is unknown.
 constexpr float kFlatSlope = 0.05f;
 
@@ -25,10 +29,11 @@ float SigmaVoxels(float weight) {
   return std::sqrt(kGridSigma * kGridSigma + kObservationSigma * kObservationSigma / weight);
 }
 
-// Trilinear interpolation at `offset` voxels (each within +-0.5) from the centre of voxel h. False
+// Trilinear interpolation at `offset` voxels (each within +-1) from the centre of voxel h. False
 // where one of the eight voxels is unusable or belongs to another surface.
 bool InterpolateMean(const float* mean, const float* weight, int h, const Eigen::Vector3f& offset,
                      float voxel_size_m, float min_weight, float* value) {
+  if (!(offset.cwiseAbs().maxCoeff() <= 1.f)) return false;
   int step[3];
   float t[3];
   for (int a = 0; a < 3; ++a) {
@@ -61,12 +66,11 @@ int16_t Quantised(float voxels) {
   return static_cast<int16_t>(std::lround(voxels * (1.f / FieldVoxel::kUnit)));
 }
 
-// The site of the voxel at h. False where its cube holds none.
+// The foot of the voxel at h on the surface. False where it lies in another voxel's cube.
 bool SiteOf(const float* mean, const float* weight, int h, float voxel_size_m, float min_weight,
             FieldVoxel* site) {
   const float m = mean[h] / voxel_size_m;  // voxels from here on
-  // The foot lies in the cube only if it is nearer than the cube's corner.
-  if (!(std::abs(m) < 0.87f)) return false;
+  if (!(std::abs(m) < kReachVoxels)) return false;
   const Eigen::Vector3f gradient = MeanGradient(mean, weight, h, voxel_size_m, min_weight);
   const float slope = gradient.norm();
   Eigen::Vector3f n = Eigen::Vector3f::UnitZ();
@@ -74,13 +78,9 @@ bool SiteOf(const float* mean, const float* weight, int h, float voxel_size_m, f
   if (slope > kFlatSlope) {
     n = gradient / slope;
     foot = -m * n;
-    if (!(foot.cwiseAbs().maxCoeff() <= 0.5f)) {
-      // Outside the own cube; a correction below might bring it back, but then the neighbour's
-      // cube holds this piece of surface already.
-      return false;
-    }
     float value;
-    // A second look at the mean, where the surface is thought to be, averages noise.
+    // A second look at the mean, where the surface is thought to be, averages noise; and where the
+    // surface runs along a border of cubes, both sides come to the same verdict whose it is.
     if (slope > kMinSlope && slope < kMaxSlope &&
         InterpolateMean(mean, weight, h, foot, voxel_size_m, min_weight, &value)) {
       foot -= std::clamp(value / voxel_size_m, -kMaxCorrectionVoxels, kMaxCorrectionVoxels) * n;
@@ -88,13 +88,14 @@ bool SiteOf(const float* mean, const float* weight, int h, float voxel_size_m, f
   } else if (std::abs(m) > 0.25f) {
     return false;  // near a surface, but where is it?
   }
-  const int16_t dx = Quantised(foot.x()), dy = Quantised(foot.y()), dz = Quantised(foot.z());
-  for (int16_t d : {dx, dy, dz}) {
-    if (d < -128 || d > 127) return false;
+  int16_t d[3];
+  for (int a = 0; a < 3; ++a) {
+    if (!(std::abs(foot[a]) <= 0.5f + kMarginVoxels)) return false;
+    d[a] = std::clamp<int16_t>(Quantised(foot[a]), -128, 127);
   }
   const float sigma = slope > kFlatSlope ? SigmaVoxels(weight[h]) : 0.5f;
   const int attributes = CodeOfSigmaVoxels(sigma) << 4 | CodeOfNormal(n) << 9;
-  *site = {dx, dy, dz, static_cast<uint16_t>(attributes)};
+  *site = {d[0], d[1], d[2], static_cast<uint16_t>(attributes)};
   return true;
 }
 

@@ -11,10 +11,10 @@
 
 namespace clearance {
 
-// A site counts as moved, and the field follows, when its position changes by more than half a
-// voxel, its sigma by more than a factor of two or its normal by more than 30 degrees. Smaller
-// moves leave the site where the field has it.
-inline constexpr int kIgnoredMoveUnits = 128;
+// A site counts as moved, and the field follows, when its position changes by more than a quarter of
+// a voxel, its normal by more than about 30 degrees, or its sigma by more than a factor of two.
+// Smaller moves leave the site where the field has it.
+inline constexpr int kIgnoredMoveUnits = 64;
 inline constexpr int kIgnoredSigmaCodes = 5;
 inline constexpr float kIgnoredNormalCosine = 0.85f;
 

@@ -156,6 +156,7 @@ inline FieldErrors CompareWithExact(const DistanceField& field, const SiteTable&
         }
         continue;
       }
+      if (nearest.site < 0) continue;  // at the limit, by rounding
       errors.push_back(v.to_site_voxels().cast<double>().norm() - nearest.distance_m / h);
     }
   });
