@@ -1,17 +1,17 @@
 #include "client/cli/print.h"
 
 #include <algorithm>
-#include <cctype>
 #include <iostream>
 
 #include "absl/strings/str_format.h"
+#include "client/sequence/text.h"
 
 namespace clearance::cli {
 namespace {
 
 bool LooksLikeNumber(const std::string& cell) {
-  return !cell.empty() &&
-         (std::isdigit(static_cast<unsigned char>(cell[0])) || (cell.size() > 1 && cell[0] == '-'));
+  double value = 0;
+  return client::ParseNumber(cell, &value);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
 #include "client/cli/context.h"
+#include "client/cli/ingest_counts.h"
 #include "client/cli/print.h"
 #include "client/draw/slice_picture.h"
 
@@ -30,6 +31,21 @@ Json Counts(const client::Slice& slice) {
   return {{"unknown", counts[0]}, {"free", counts[1]}, {"occupied", counts[2]}};
 }
 
+// A round end of the colour scale, so that nearly all of the free space differs in colour.
+double ScaleEnd(const client::Slice& slice, double max_distance_m) {
+  std::vector<double> free_m;
+  for (size_t i = 0; i < slice.states.size(); ++i) {
+    if (client::StateOf(slice.states[i]) == client::SpaceState::kFree) {
+      free_m.push_back(slice.distances_m[i]);
+    }
+  }
+  const double reached_m = Percentile(std::move(free_m), 0.98);
+  for (const double end_m : {0.5, 1.0, 2.0, 3.0, 5.0, 10.0}) {
+    if (reached_m <= end_m) return std::min(end_m, max_distance_m);
+  }
+  return max_distance_m;
+}
+
 absl::Status Slice(const Context& context, const Arguments& arguments) {
   const auto client = context.Connect();
   if (!client.ok()) return client.status();
@@ -53,8 +69,9 @@ absl::Status Slice(const Context& context, const Arguments& arguments) {
                                   slice->stamp.stamp_ns * 1e-9);
   if (arguments.horizon_s != 0) picture.title += absl::StrFormat(" + %g s", arguments.horizon_s);
   picture.title += absl::StrFormat("  revision %d", slice->stamp.revision);
-  picture.max_distance_m =
-      arguments.max_m > 0 ? arguments.max_m : map->settings.max_distance_m.value_or(5);
+  picture.max_distance_m = arguments.max_m > 0
+                               ? arguments.max_m
+                               : ScaleEnd(*slice, map->settings.max_distance_m.value_or(5));
   picture.target_width = arguments.width;
   picture.sensor_path = map->sensor_path;
   if (!arguments.static_only) {

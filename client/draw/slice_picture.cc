@@ -12,7 +12,7 @@ namespace {
 constexpr Color kPaper{255, 255, 255}, kInk{20, 20, 24}, kFaint{120, 120, 126};
 constexpr Color kOccupied{38, 34, 48}, kUnknown{214, 214, 216}, kHatch{188, 188, 192};
 constexpr Color kSensor{0, 0, 0}, kOutline{255, 255, 255};
-constexpr int kMargin = 16, kTitleHeight = 34, kLegendHeight = 64, kMinWidth = 760;
+constexpr int kMargin = 16, kTitleHeight = 34, kLegendHeight = 64, kMinWidth = 940;
 
 // One colour for each object, far apart from its neighbours' and readable on the heat map.
 Color ObjectColor(uint32_t id) {
@@ -66,18 +66,21 @@ std::vector<Vec2> Footprint(const OrientedBox& box, const Projection& project) {
   return hull;
 }
 
+// Half way to the colour of the unknown.
+Color Paler(Color c) {
+  return {static_cast<uint8_t>((c.r + kUnknown.r) / 2),
+          static_cast<uint8_t>((c.g + kUnknown.g) / 2),
+          static_cast<uint8_t>((c.b + kUnknown.b) / 2)};
+}
+
 Color CellColor(const Slice& slice, size_t cell, double max_distance_m, int x, int y) {
   const uint8_t state = slice.states[cell];
   switch (StateOf(state)) {
     case SpaceState::kOccupied:
       return kOccupied;
     case SpaceState::kFree: {
-      Color c = HeatColor(slice.distances_m[cell], max_distance_m);
-      if (state & kFlagLowConfidence) {
-        c = {static_cast<uint8_t>((c.r + 214) / 2), static_cast<uint8_t>((c.g + 214) / 2),
-             static_cast<uint8_t>((c.b + 216) / 2)};
-      }
-      return c;
+      const Color c = HeatColor(slice.distances_m[cell], max_distance_m);
+      return state & kFlagLowConfidence ? Paler(c) : c;
     }
     case SpaceState::kUnknown:
       break;
@@ -155,6 +158,12 @@ void DrawLegend(const SlicePicture& picture, double width_m, double pixels_per_m
     x += 26 + TextWidth(name, 1) + 14;
   };
   swatch("occupied", [&](int u, int v) { canvas.FillRect(u, v, 20, 12, kOccupied); });
+  swatch("paler: free, not yet sure", [&](int u, int v) {
+    for (int i = 0; i < 20; ++i) {
+      canvas.FillRect(u + i, v, 1, 12,
+                      Paler(HeatColor(picture.max_distance_m * i / 20, picture.max_distance_m)));
+    }
+  });
   swatch("unknown", [&](int u, int v) {
     for (int j = 0; j < 12; ++j) {
       for (int i = 0; i < 20; ++i)

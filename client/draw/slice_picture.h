@@ -17,7 +17,7 @@ struct SlicePicture {
   std::vector<StampedPose> sensor_path;  // the last one is the sensor's place now
 };
 
-// Free space as a heat map of the distance (contours every metre), occupied dark, unknown hatched,
+// Free space as a heat map of the distance, occupied dark, unknown hatched,
 // low confidence paler; objects with outline, velocity (its length is one second) and trajectory;
 // the sensor's path; scale bar and legend. y points up, x right.
 Canvas DrawSlice(const Slice& slice, const SlicePicture& picture);

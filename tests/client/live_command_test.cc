@@ -1,0 +1,223 @@
+// The command line and the Python example against a running server, as a user runs them.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/client/live_server.h"
+
+namespace clearance::client {
+namespace {
+
+using ::testing::HasSubstr;
+using Json = nlohmann::json;
+
+struct Run {
+  int exit_code = -1;
+  std::string out;
+};
+
+Run Shell(const std::string& command) {
+  Run run;
+  std::FILE* pipe = popen(command.c_str(), "r");
+  char buffer[4096];
+  for (size_t n; (n = fread(buffer, 1, sizeof(buffer), pipe)) > 0;) run.out.append(buffer, n);
+  const int status = pclose(pipe);
+  run.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  return run;
+}
+
+// One server for the file: a room with a moving object as a sequence folder, streamed in once.
+class LiveCommand : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    server_ = new LiveServer();
+    ASSERT_NE(server_->Connect(), nullptr);
+    const TestFolder& folder = server_->folder();
+    folder.Write("room/sequence.json", R"({"frame_count": 6, "voxel_size_m": 0.1,
+      "sensor": {"type": "lidar", "max_range_m": 20}})");
+    std::string trajectory, motions = "frame,object_id,tx,ty,tz,qx,qy,qz,qw\n";
+    for (int i = 0; i < 6; ++i) {
+      trajectory += std::to_string(i * 0.1) + " 0 0 0 0 0 0 1\n";
+      if (i > 0) motions += std::to_string(i) + ",7,0.1,0,0,0,0,0,1\n";
+      const Frame frame = RoomFrame(i, true);
+      const auto& cloud = std::get<PointCloud>(frame.observation);
+      folder.Write("room/cloud/00000" + std::to_string(i) + ".ply",
+                   PlyCloud({cloud.points_X.data(), cloud.points_X.data() + cloud.points_X.size()},
+                            cloud.labels));
+    }
+    folder.Write("room/trajectory.tum", trajectory);
+    folder.Write("room/object_motions.csv", motions);
+    const Run run = Clearance("ingest --json " + Path("room"));
+    ASSERT_EQ(run.exit_code, 0) << run.out;
+    const Json summary = Json::parse(run.out);
+    ASSERT_EQ(summary["map"], "room");
+    ASSERT_EQ(summary["integrated"], 6);
+    ASSERT_EQ(summary["violations"], 0);
+  }
+  static void TearDownTestSuite() {
+    EXPECT_EQ(server_->Terminate(), 0);
+    delete server_;
+    server_ = nullptr;
+  }
+
+  static std::string Path(const std::string& name) {
+    return (server_->folder().path() / name).string();
+  }
+  // Standard error goes where the test can show it.
+  static Run Clearance(const std::string& arguments) {
+    return Shell("CLEARANCE_SERVER=" + server_->address() + " " CLEARANCE_COMMAND " " + arguments +
+                 " 2>" + Path("err") + " </dev/null");
+  }
+  static std::string Err() { return server_->folder().Read("err"); }
+
+  static LiveServer* server_;
+};
+
+LiveServer* LiveCommand::server_ = nullptr;
+
+TEST_F(LiveCommand, HealthIsZeroWhileServing) {
+  EXPECT_EQ(Clearance("health").exit_code, 0);
+  EXPECT_EQ(Json::parse(Clearance("health --json").out)["serving"], true);
+  EXPECT_EQ(Clearance("health --service no.such.Service").exit_code, 3);
+}
+
+TEST_F(LiveCommand, IngestAgainHasNothingToSend) {
+  const Run run = Clearance("ingest --json " + Path("room"));
+  ASSERT_EQ(run.exit_code, 0) << Err();
+  EXPECT_EQ(Json::parse(run.out)["resumed_behind"], 6);
+  EXPECT_EQ(Json::parse(run.out)["integrated"], 0);
+  EXPECT_THAT(Clearance("ingest " + Path("room")).out, HasSubstr("nothing to send"));
+}
+
+TEST_F(LiveCommand, QueryAnswersOnePointAsTableAndJson) {
+  const Run table = Clearance("query --map room -2 0 -0.5");
+  ASSERT_EQ(table.exit_code, 0) << Err();
+  EXPECT_THAT(table.out, HasSubstr("distance"));
+  const Json json = Json::parse(Clearance("--map room query -2.0 0 0 --json").out);
+  EXPECT_NEAR(json["answers"][0]["distance_m"].get<double>(), 1.0, 0.06);
+  EXPECT_EQ(json["answers"][0]["state"], "free");
+  EXPECT_EQ(json["answers"][0]["object_id"], 0);
+  const Json near = Json::parse(Clearance("query 1 0 0 --map room --json").out);
+  EXPECT_EQ(near["answers"][0]["object_id"], 7);
+  const double now = near["answers"][0]["distance_m"];
+  const Json ahead = Json::parse(Clearance("query 1 0 0 --map room --json --horizon 0.3").out);
+  EXPECT_NEAR(ahead["answers"][0]["distance_m"].get<double>(), now + 0.3, 0.1);
+  EXPECT_EQ(Clearance("query 1 0 0 --map room --horizon 100").exit_code, 4);
+  EXPECT_EQ(Clearance("query 1 0 0 --map nowhere").exit_code, 3);
+  EXPECT_THAT(Err(), HasSubstr("nowhere"));
+}
+
+TEST_F(LiveCommand, QueryAnswersAFileOfPoints) {
+  std::string csv = "x,y,z\n";
+  for (int i = 0; i < 1000; ++i) csv += std::to_string(-2.5 + i * 0.001) + ",0.5,0\n";
+  server_->folder().Write("points.csv", csv);
+  const Run run = Clearance("query --map room --points " + Path("points.csv") + " --out " +
+                            Path("answers.csv"));
+  ASSERT_EQ(run.exit_code, 0) << Err();
+  std::ifstream answers(Path("answers.csv"));
+  std::string line;
+  std::getline(answers, line);
+  EXPECT_EQ(line.substr(0, 16), "x,y,z,distance_m");
+  int lines = 0;
+  while (std::getline(answers, line)) ++lines;
+  EXPECT_EQ(lines, 1000);
+}
+
+TEST_F(LiveCommand, ObjectsListsTheMovingBox) {
+  const Json json = Json::parse(Clearance("objects --map room --json --trajectory").out);
+  ASSERT_EQ(json["objects"].size(), 1u);
+  EXPECT_EQ(json["objects"][0]["object_id"], 7);
+  EXPECT_EQ(json["objects"][0]["trajectory"].size(), 6u);
+  EXPECT_NEAR(json["objects"][0]["speed_mps"].get<double>(), 1.0, 0.05);
+  EXPECT_THAT(Clearance("objects --map room").out, HasSubstr("tracked"));
+}
+
+TEST_F(LiveCommand, InfoTellsOfServerMapAndSource) {
+  const Json json = Json::parse(Clearance("info --map room --json").out);
+  EXPECT_EQ(json["map"], "room");
+  EXPECT_EQ(json["stamp"]["revision"], 6);
+  EXPECT_EQ(json["sources"][0]["source_id"], "room");
+  EXPECT_NEAR(json["config"]["voxel_size_m"].get<double>(), 0.1, 1e-12);
+  EXPECT_THAT(Clearance("info --map room").out, HasSubstr("revision"));
+}
+
+TEST_F(LiveCommand, SliceDrawsAPicture) {
+  const Run run = Clearance("slice --map room --z 0.1 --json --out " + Path("slice.png"));
+  ASSERT_EQ(run.exit_code, 0) << Err();
+  const Json json = Json::parse(run.out);
+  EXPECT_GT(json["cells"]["free"].get<int>(), 2000);
+  EXPECT_GT(json["cells"]["occupied"].get<int>(), 150);
+  EXPECT_EQ(server_->folder().Read("slice.png").substr(1, 3), "PNG");
+  EXPECT_EQ(Clearance("slice --map room --z 0.1 --out /no/such/folder/a.png").exit_code, 3);
+}
+
+TEST_F(LiveCommand, MeshAndGridAreFiles) {
+  ASSERT_EQ(Clearance("mesh --map room --out " + Path("map.ply")).exit_code, 0) << Err();
+  EXPECT_EQ(server_->folder().Read("map.ply").substr(0, 3), "ply");
+  ASSERT_EQ(
+      Clearance("mesh --map room --object 7 --object-frame --out " + Path("car.glb")).exit_code, 0)
+      << Err();
+  EXPECT_EQ(server_->folder().Read("car.glb").substr(0, 4), "glTF");
+  EXPECT_EQ(Clearance("mesh --map room --object 8 --out " + Path("none.ply")).exit_code, 3);
+  EXPECT_FALSE(std::filesystem::exists(Path("none.ply")));
+  EXPECT_FALSE(std::filesystem::exists(Path("none.ply.part")));
+  ASSERT_EQ(
+      Clearance("grid --map room --kind mean --kind distance --out " + Path("map.vdb")).exit_code,
+      0)
+      << Err();
+  EXPECT_GT(std::filesystem::file_size(Path("map.vdb")), 1000u);
+}
+
+TEST_F(LiveCommand, MapsAreMadeListedEditedAndForgotten) {
+  ASSERT_EQ(Clearance("map create yard --voxel-size-m 0.25").exit_code, 0) << Err();
+  EXPECT_EQ(Clearance("map create yard").exit_code, 4);
+  EXPECT_THAT(Clearance("map list").out, HasSubstr("yard"));
+  ASSERT_EQ(Clearance("map edit --map yard --action occupied --box -1 -1 -1 1 1 1").exit_code, 0)
+      << Err();
+  const Json json = Json::parse(Clearance("query 3 0 0 --map yard --json").out);
+  EXPECT_NEAR(json["answers"][0]["distance_m"].get<double>(), 2.0, 0.26);
+  ASSERT_EQ(Clearance("map delete yard").exit_code, 0) << Err();
+  EXPECT_EQ(Clearance("map delete yard").exit_code, 3);
+}
+
+TEST_F(LiveCommand, AnotherVoxelSizeOrNoneIsAnErrorThatNamesTheFlag) {
+  EXPECT_EQ(Clearance("ingest " + Path("room") + " --voxel-size-m 0.2").exit_code, 4);
+  EXPECT_THAT(Err(), HasSubstr("--voxel-size-m"));
+  std::filesystem::copy(Path("room"), Path("bare"), std::filesystem::copy_options::recursive);
+  server_->folder().Write("bare/sequence.json",
+                          R"({"frame_count": 6, "sensor": {"type": "lidar"}})");
+  EXPECT_EQ(Clearance("ingest " + Path("bare")).exit_code, 4);
+  EXPECT_THAT(Err(), HasSubstr("--voxel-size-m"));
+  EXPECT_EQ(Clearance("ingest " + Path("bare") + " --voxel-size-m 0.2").exit_code, 0) << Err();
+}
+
+TEST_F(LiveCommand, ADamagedFrameEndsIngestBehindWhatCameBefore) {
+  std::filesystem::copy(Path("room"), Path("damaged"), std::filesystem::copy_options::recursive);
+  std::filesystem::resize_file(Path("damaged/cloud/000003.ply"), 1000);
+  EXPECT_EQ(Clearance("ingest " + Path("damaged")).exit_code, 4);
+  EXPECT_THAT(Err(), HasSubstr("cloud/000003.ply: ends at byte 1000"));
+  EXPECT_EQ(Json::parse(Clearance("info --map damaged --json").out)["stamp"]["revision"], 3);
+}
+
+TEST_F(LiveCommand, ThePythonExampleRuns) {
+  const Run run = Shell("PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" CLEARANCE_PYTHON_PATH
+                        " python3 client/python/example.py " +
+                        server_->address() + " room 2>&1");
+  EXPECT_EQ(run.exit_code, 0) << run.out;
+  EXPECT_THAT(run.out, HasSubstr("in a second"));
+}
+
+TEST_F(LiveCommand, ThePythonClientIngestsAndMeasures) {
+  const Run run = Shell("PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" CLEARANCE_PYTHON_PATH
+                        " python3 tests/client/python_client_test.py " +
+                        server_->address() + " 2>&1");
+  EXPECT_EQ(run.exit_code, 0) << run.out;
+}
+
+}  // namespace
+}  // namespace clearance::client
