@@ -41,6 +41,24 @@ Solid Pole(uint32_t seed, double diameter_m) {
   return s;
 }
 
+// Halo copies of a function of the position in voxels, weight 1 where `has_weight`.
+template <typename Mean, typename HasWeight>
+BlockSites SitesOf(const Mean& mean_voxels, const HasWeight& has_weight) {
+  float mean[kHaloVoxels] = {}, weight[kHaloVoxels] = {};
+  for (int x = -1; x <= 8; ++x) {
+    for (int y = -1; y <= 8; ++y) {
+      for (int z = -1; z <= 8; ++z) {
+        if (!has_weight(x, y, z)) continue;
+        mean[HaloOffset(x, y, z)] = static_cast<float>(mean_voxels(x, y, z) * kH);
+        weight[HaloOffset(x, y, z)] = 1;
+      }
+    }
+  }
+  BlockSites sites;
+  ExtractSites(mean, weight, kH, 0.3f, &sites);
+  return sites;
+}
+
 double NearestSite(const std::vector<SurfaceSite>& sites, const Eigen::Vector3d& p) {
   double best = 1e9;
   for (const SurfaceSite& s : sites) best = std::min(best, (s.p_L.cast<double>() - p).norm());
@@ -55,8 +73,8 @@ TEST(SiteExtraction, PutsSitesOnPlanesInAnyDirection) {
     ASSERT_GT(sites.size(), 100u);
     const Eigen::Vector3d normal = plane.T_W_P.linear().col(2);
     for (const SurfaceSite& s : sites) {
-      // A position is stored in steps of 1/256 voxel.
-      EXPECT_NEAR(plane.Distance(s.p_L.cast<double>()), 0, 0.004 * kH);
+      // A foot a hair outside its cube is pulled in; positions are stored in steps of 1/256 voxel.
+      EXPECT_NEAR(plane.Distance(s.p_L.cast<double>()), 0, 0.035 * kH);
       EXPECT_GT(s.normal_L.cast<double>().dot(normal), std::cos(0.22));
     }
   }
@@ -76,14 +94,35 @@ TEST(SiteExtraction, LeavesNoGapsOnPlanes) {
   }
 }
 
-TEST(SiteExtraction, FollowsSpheresWithinATwentiethOfAVoxel) {
+TEST(SiteExtraction, LeavesNoGapsWhereANoisyPlaneRunsAlongABorderOfCubes) {
+  std::mt19937 rng(9);
+  std::normal_distribution<double> noise(0, 0.05);
+  for (int repeat = 0; repeat < 50; ++repeat) {
+    // Two layers of voxels see a wall exactly between them, x = 3 | 4.
+    const BlockSites sites = SitesOf([&](int x, int, int) { return x - 3.5 + noise(rng); },
+                                     [](int x, int, int) { return x >= 1 && x <= 6; });
+    for (int y = 1; y < 7; ++y) {
+      for (int z = 1; z < 7; ++z) {
+        bool near = false;
+        for (int k = 0; k < 9; ++k) {
+          const int column = (y + k / 3 - 1) << 3 | (z + k % 3 - 1);
+          near |= clearance::Test(sites.mask, 3 << 6 | column) ||
+                  clearance::Test(sites.mask, 4 << 6 | column);
+        }
+        EXPECT_TRUE(near) << y << " " << z;
+      }
+    }
+  }
+}
+
+TEST(SiteExtraction, FollowsSpheresWithinATwelfthOfAVoxel) {
   for (uint32_t seed = 1; seed <= 10; ++seed) {
     Solid sphere;
     sphere.kind = Solid::Kind::kSphere;
     sphere.T_W_P = RandomPose(seed, 2.0);
     sphere.size.setConstant(0.6);
     for (const SurfaceSite& s : ExtractSurfaceSites(Shown(sphere, 1.0).map(), FusionOptions())) {
-      EXPECT_NEAR(sphere.Distance(s.p_L.cast<double>()), 0, 0.05 * kH);
+      EXPECT_NEAR(sphere.Distance(s.p_L.cast<double>()), 0, 0.08 * kH);
     }
   }
 }
@@ -136,24 +175,6 @@ TEST(SiteExtraction, HoldsEverySiteInItsOwnCube) {
       });
     }
   }
-}
-
-// Halo copies of a function of the position in voxels, weight 1 where `has_weight`.
-template <typename Mean, typename HasWeight>
-BlockSites SitesOf(const Mean& mean_voxels, const HasWeight& has_weight) {
-  float mean[kHaloVoxels] = {}, weight[kHaloVoxels] = {};
-  for (int x = -1; x <= 8; ++x) {
-    for (int y = -1; y <= 8; ++y) {
-      for (int z = -1; z <= 8; ++z) {
-        if (!has_weight(x, y, z)) continue;
-        mean[HaloOffset(x, y, z)] = static_cast<float>(mean_voxels(x, y, z) * kH);
-        weight[HaloOffset(x, y, z)] = 1;
-      }
-    }
-  }
-  BlockSites sites;
-  ExtractSites(mean, weight, kH, 0.3f, &sites);
-  return sites;
 }
 
 int Count(const BlockSites& sites) {
