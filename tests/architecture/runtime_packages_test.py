@@ -19,6 +19,8 @@ def run(*command):
 
 def libraries(binary):
     """Paths of the shared libraries that the loader would take; fails where one is missing."""
+    if not pathlib.Path(binary).exists():
+        sys.exit(f"{binary} is not built")
     paths = set()
     for line in run("ldd", binary).splitlines():
         if "not found" in line:

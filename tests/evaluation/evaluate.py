@@ -118,10 +118,14 @@ class Evaluation:
         return free_space.FreeSpace(world).evaluate(states)
 
     def _ghosts(self, sequence, world, name):
-        def static_states(map_name):
-            return lambda p: self._server.query(map_name, p, static_only=True)[1]
         space = ghosts.swept_space(sequence, world)
-        result = {"labels as recorded": ghosts.evaluate(space, static_states(name))[0]}
+
+        def judge(map_name):
+            counts, where = ghosts.evaluate(
+                space, lambda p: self._server.query(map_name, p, static_only=True)[1])
+            counts["ghosts_at"] = np.round(where[:20], 3).tolist()
+            return counts
+        result = {"labels as recorded": judge(name)}
         variants = {} if self._quick else {"labels 3 px too small": {"shrink_px": 3},
                                            "labels 10 frames late": {"late_frames": 10}}
         for title, how in variants.items():
@@ -129,7 +133,7 @@ class Evaluation:
             degrade.degrade(sequence, folder, **how)
             variant = map_id(folder.name)
             self._server.ingest(variant, folder)
-            result[title] = ghosts.evaluate(space, static_states(variant))[0]
+            result[title] = judge(variant)
             self._server.delete(variant)
         return result
 

@@ -10,19 +10,11 @@
 
 #include "server/integration/frame_integrator.h"
 #include "server/map/world_map.h"
-#include "tests/testing/band_accuracy.h"
+#include "server/query/block_mesher.h"
 #include "tests/testing/sequence_folder.h"
 
 namespace clearance::testing {
 namespace {
-
-void WritePoints(const std::filesystem::path& path, const std::vector<Eigen::Vector3d>& points) {
-  std::ofstream out(path);
-  out.precision(9);
-  out << "ply\nformat ascii 1.0\nelement vertex " << points.size()
-      << "\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
-  for (const Eigen::Vector3d& p : points) out << p.x() << ' ' << p.y() << ' ' << p.z() << '\n';
-}
 
 int Run(int argc, char** argv) {
   CLI::App app{"Surfaces of every object of a sequence"};
@@ -62,13 +54,15 @@ int Run(int argc, char** argv) {
               ms[ms.size() / 2], ms[ms.size() * 95 / 100]);
   std::filesystem::create_directories(out_dir);
   for (const auto& [id, object] : map.objects()) {
-    std::vector<Eigen::Vector3d> points =
-        ZeroCrossings(object.surface(), static_cast<float>(min_weight));
-    const Pose T_W_L = object.CoastedTo(map.stamp_ns());
-    for (Eigen::Vector3d& p : points) p = T_W_L * p;
+    MesherOptions mesher_options;
+    mesher_options.min_weight = static_cast<float>(min_weight);
+    BlockMesher mesher(mesher_options);
+    mesher.MarkAll(object.surface());
+    const Mesh mesh =
+        Transformed(mesher.Extract(object.surface()), object.CoastedTo(map.stamp_ns()));
     const std::string name = "object_" + std::to_string(id.value()) + ".ply";
-    WritePoints(std::filesystem::path(out_dir) / name, points);
-    std::printf("object %d: %zu crossings, seen in %llu frames\n", id.value(), points.size(),
+    std::ofstream(std::filesystem::path(out_dir) / name, std::ios::binary) << WritePly(mesh);
+    std::printf("object %d: %zu vertices, seen in %llu frames\n", id.value(), mesh.vertices.size(),
                 static_cast<unsigned long long>(object.observations()));
   }
   return 0;
