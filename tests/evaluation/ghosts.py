@@ -19,7 +19,8 @@ from points import Collection
 
 RAYS = 3
 # A recording has no true surfaces. A static-labelled return counts as truly static where no
-# annotated box of a mover, grown by this much, contains it in its own frame.
+# annotated box of a mover, grown by this much, contains it in its own frame; one that does contain
+# it says that the mover is still there.
 BOX_MARGIN_M = 0.5
 
 
@@ -66,19 +67,31 @@ def _last_frame_swept(sequence, bodies, frames):
     return grid, last
 
 
-def _static_points(sequence, boxes):
-    """Thinned static returns of a recording that no mover can have caused."""
-    kept = Collection(sequence.voxel_m / 4)
+def _near_boxes(sequence, boxes, k, points_W):
+    """Whether world points of frame k lie in an annotated box, grown by BOX_MARGIN_M."""
+    near = np.zeros(len(points_W), bool)
+    for j, mesh in boxes.items():
+        if k in sequence.object_poses[j]:
+            local = poses.apply(poses.inverse(sequence.object_poses[j][k]), points_W)
+            near |= (np.abs(local) <= np.abs(mesh.vertices).max(0) + BOX_MARGIN_M).all(1)
+    return near
+
+
+def _split_returns(sequence, boxes, grid, last):
+    """Thinned static returns of a recording that no mover can have caused. Raises `last` to the frame of
+    any other return in a swept voxel: boxes are rough, and what returns there has not left yet."""
+    static = Collection(sequence.voxel_m / 4)
     for k in range(sequence.frame_count):
         points, labels = sequence.scan(k)
-        world = poses.apply(sequence.sensor_poses[k], points[labels == 0])
-        for j, mesh in boxes.items():
-            if k in sequence.object_poses[j]:
-                local = poses.apply(poses.inverse(sequence.object_poses[j][k]), world)
-                half = np.abs(mesh.vertices).max(0) + BOX_MARGIN_M
-                world = world[(np.abs(local) > half).any(1)]
-        kept.add(world)
-    return kept.points()
+        world = poses.apply(sequence.sensor_poses[k], points)
+        near = _near_boxes(sequence, boxes, k, world)
+        static.add(world[(labels == 0) & ~near])
+        cells, inside = grid.index(world[near])
+        i, h, d = cells[inside].T
+        swept = last[i, h, d] >= 0
+        i, h, d = i[swept], h[swept], d[swept]
+        last[i, h, d] = np.maximum(last[i, h, d], k)
+    return static.points()
 
 
 def swept_space(sequence, world=None, scans=None):
@@ -95,7 +108,7 @@ def swept_space(sequence, world=None, scans=None):
     if world:
         distance = np.abs(world.distance(centres, objects=[])[0])
     else:
-        distance = cKDTree(_static_points(sequence, bodies)).query(centres)[0]
+        distance = cKDTree(_split_returns(sequence, bodies, grid, last)).query(centres)[0]
     clear = distance >= sequence.voxel_m
     # Left only once the neighbours are left too: bodies move between frames, and boxes are rough.
     left = maximum_filter(last, size=3)

@@ -26,6 +26,7 @@ int Run(int argc, char** argv) {
   app.add_option("out", out_dir)->required();
   app.add_option("--frames", frames, "first frames only");
   app.add_option("--min-weight", min_weight, "weight from which a voxel is read");
+  app.add_option("--max-variance", defaults.band.gp.max_latent_variance, "largest latent variance");
   app.add_option("--length", defaults.band.gp.length_scale_voxels, "length scale, voxels");
   CLI11_PARSE(app, argc, argv);
   const SequenceFolder sequence = OpenSequence(folder);
