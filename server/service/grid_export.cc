@@ -6,7 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "proto/wire/ids.h"
 #include "proto/wire/status_details.h"
-#include "server/store/vdb_file.h"
+#include "server/map/vdb_export.h"
 
 namespace clearance {
 

@@ -1,4 +1,4 @@
-#include "server/store/vdb_file.h"
+#include "server/map/vdb_export.h"
 
 #include <openvdb/io/Stream.h>
 
