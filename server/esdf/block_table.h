@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "absl/container/flat_hash_map.h"
+#include "absl/container/inlined_vector.h"
+#include "server/esdf/block_extraction.h"
 #include "server/esdf/block_pool.h"
 #include "server/esdf/sweep.h"
 #include "server/map/distance_field.h"
@@ -30,7 +32,10 @@ struct BlockRecord {
   uint32_t written_in = 0;   // update in which `data` became ours to write
   uint32_t scanned_in = 0;   // update in which removed sites were looked for
   bool queued = false;
-  std::vector<int32_t> references;  // site blocks that may be named by this block's voxels, sorted
+  uint32_t extracted_in = 0;  // update in which the block was last read from the map
+  BlockShadow shadow;
+  // Site blocks that this block's voxels name, sorted.
+  absl::InlinedVector<int32_t, 8> references;
 };
 
 class BlockTable {

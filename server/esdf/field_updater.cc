@@ -33,20 +33,22 @@ size_t CountBits(const BlockMask& mask) {
   return count;
 }
 
-bool Intersects(const BlockMask& a, const BlockMask& b) {
-  for (int w = 0; w < 8; ++w) {
-    if (a[w] & b[w]) return true;
-  }
-  return false;
-}
-
 BlockIndex Moved(const BlockIndex& b, int direction) {
   return {b.x + direction / 9 - 1, b.y + direction / 3 % 3 - 1, b.z + direction % 3 - 1};
 }
 
-// The sign of an unknown voxel with a site belongs to the site, not to the state.
-uint16_t StateOf(const FieldVoxel& v) {
-  return v.state() == VoxelState::kUnknown ? 0 : v.attributes & kVoxelBits;
+// Whether any voxel's state differs. The sign of an unknown voxel belongs to its site.
+bool StatesDiffer(const BlockRecord& record, const std::array<uint8_t, kBlockVoxels>& states) {
+  int differs = 0;
+  if (!record.data) {
+    for (int o = 0; o < kBlockVoxels; ++o) differs |= states[o] ^ record.tile;
+    return differs != 0;
+  }
+  for (int o = 0; o < kBlockVoxels; ++o) {
+    const int bits = record.data->voxels[o].attributes;
+    differs |= (bits & (bits & kStateBits ? kVoxelBits : kVoxelBits & ~kNegativeBit)) ^ states[o];
+  }
+  return differs != 0;
 }
 
 }  // namespace
@@ -57,7 +59,9 @@ FieldUpdater::FieldUpdater(const MapConfig& config, const FusionOptions& fusion)
       squared_limit_(SquaredLimit(config.max_distance_m, config.voxel_size_m)),
       squared_inside_(
           SquaredLimit(std::min(kUnseenInsideDepth_m, config.max_distance_m), config.voxel_size_m)),
-      field_(config.voxel_size_m, config.max_distance_m) {}
+      field_(config.voxel_size_m, config.max_distance_m) {
+  for (int code = 0; code < 128; ++code) normals_[code] = NormalOfCode(code);
+}
 
 DistanceField FieldUpdater::Update(const SurfaceMap& map,
                                    absl::Span<const BlockIndex> changed_blocks) {
@@ -79,60 +83,57 @@ DistanceField FieldUpdater::Update(const SurfaceMap& map,
   return field_;
 }
 
-std::vector<int32_t> FieldUpdater::BlocksToExtract(const SurfaceMap&,
-                                                   absl::Span<const BlockIndex> changed_blocks) {
-  // Sites and states look one voxel beyond their block.
-  std::vector<int32_t> ids;
-  for (const BlockIndex& b : changed_blocks) ids.push_back(table_.FindOrCreate(b));
-  for (const BlockIndex& b : changed_blocks) {
-    for (int d = 0; d < 27; ++d) {
-      const int32_t id = table_.Find(Moved(b, d));
-      if (id != kNoBlock) ids.push_back(id);
-    }
-  }
-  std::sort(ids.begin(), ids.end());
-  ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
-  return ids;
-}
-
 void FieldUpdater::Extract(const SurfaceMap& map, absl::Span<const BlockIndex> changed_blocks) {
   changed_sites_.clear();
   retiled_.clear();
-  const std::vector<int32_t> ids = BlocksToExtract(map, changed_blocks);
-  stats_.extracted_blocks = ids.size();
+  const uint32_t now = table_.update();
+  std::vector<int32_t> ids;
+  for (const BlockIndex& b : changed_blocks) {
+    const int32_t id = table_.FindOrCreate(b);
+    if (table_[id].extracted_in == now) continue;
+    table_[id].extracted_in = now;
+    ids.push_back(id);
+  }
+  // Neighbours look one voxel into the changed blocks; theirs look into what did not change.
+  ExtractBlocks(map, ExtractBlocks(map, ids));
+}
+
+// Returns the neighbours that are concerned and were not read in this update yet.
+std::vector<int32_t> FieldUpdater::ExtractBlocks(const SurfaceMap& map,
+                                                 const std::vector<int32_t>& ids) {
+  stats_.extracted_blocks += ids.size();
   constexpr size_t kChunk = 512;
-  std::vector<Extraction> extractions(std::min(kChunk, ids.size()));
+  std::vector<int32_t> concerned;
+  extractions_.resize(std::max(extractions_.size(), std::min(kChunk, ids.size())));
   for (size_t begin = 0; begin < ids.size(); begin += kChunk) {
     const size_t count = std::min(kChunk, ids.size() - begin);
     tbb::parallel_for(size_t{0}, count, [&](size_t i) {
-      extractions[i].id = ids[begin + i];
-      ExtractBlock(map, &extractions[i]);
+      Extraction& e = extractions_[i];
+      e.id = ids[begin + i];
+      ExtractBlock(map, table_[e.id].index, min_weight_, &e.block);
+      e.new_states = StatesDiffer(table_[e.id], e.block.states);
     });
-    for (size_t i = 0; i < count; ++i) Accept(extractions[i]);
+    for (size_t i = 0; i < count; ++i) {
+      BlockRecord& record = table_[extractions_[i].id];
+      const BlockShadow& shadow = extractions_[i].block.shadow;
+      const uint32_t directions = ConcernedNeighbours(record.shadow, shadow);
+      record.shadow = shadow;
+      for (uint32_t bits = directions; bits; bits &= bits - 1) {
+        const int32_t id = table_.Find(Moved(record.index, __builtin_ctz(bits)));
+        if (id == kNoBlock || table_[id].extracted_in == table_.update()) continue;
+        table_[id].extracted_in = table_.update();
+        concerned.push_back(id);
+      }
+      Accept(extractions_[i]);
+    }
   }
-}
-
-void FieldUpdater::ExtractBlock(const SurfaceMap& map, Extraction* out) const {
-  const BlockRecord& record = table_[out->id];
-  float mean[kHaloVoxels], weight[kHaloVoxels];
-  int32_t evidence[kHaloVoxels];
-  map.ReadBand(record.index, mean, weight);
-  map.ReadEvidence(record.index, evidence);
-  const float h = static_cast<float>(voxel_size_m_);
-  ExtractSites(mean, weight, h, min_weight_, &out->sites);
-  out->has_sites = out->sites.mask != BlockMask{};
-  ClassifyVoxels(mean, weight, evidence, out->sites, h, min_weight_, out->states.data());
-  out->new_states = false;
-  for (int o = 0; o < kBlockVoxels; ++o) {
-    const uint16_t now = record.data ? StateOf(record.data->voxels[o]) : record.tile;
-    out->new_states |= now != out->states[o];
-  }
+  return concerned;
 }
 
 void FieldUpdater::Accept(const Extraction& extraction) {
   BlockRecord& record = table_[extraction.id];
   if (extraction.new_states) {
-    const auto& states = extraction.states;
+    const auto& states = extraction.block.states;
     const bool uniform = std::all_of(states.begin(), states.end(), [&](uint8_t s) {
       return s == states[0] && (s & kNegativeBit) == 0;
     });
@@ -148,12 +149,12 @@ void FieldUpdater::Accept(const Extraction& extraction) {
     }
   }
   if (record.sites == kNoBlock) {
-    if (!extraction.has_sites) return;
+    if (extraction.block.sites.mask == BlockMask{}) return;
     record.sites = static_cast<int32_t>(sites_.size());
     sites_.emplace_back(record.index);
   }
   SiteBlock& sites = sites_[record.sites];
-  sites.Update(extraction.sites);
+  sites.Update(extraction.block.sites);
   if (!sites.changed()) return;
   changed_sites_.push_back(record.sites);
   stats_.fresh_sites += CountBits(sites.fresh());
@@ -181,7 +182,7 @@ std::vector<int32_t> FieldUpdater::RepairReferrers() {
   }
   stats_.scanned_blocks = scanned.size();
   const auto changed_for = [&](int32_t id) {
-    std::vector<const SiteBlock*> changed;
+    ChangedSites changed;
     for (int32_t s : table_[id].references) {
       if (sites_[s].gone() != BlockMask{}) changed.push_back(&sites_[s]);
     }
@@ -292,15 +293,14 @@ void FieldUpdater::FinishBlock(int32_t id) {
   for (FieldVoxel& v : block.voxels) {
     if (v.state() != VoxelState::kUnknown) continue;
     v.attributes &= ~kNegativeBit;
-    if (!v.has_site()) continue;
     const int32_t squared = SquaredUnits(v);
-    if (squared > squared_inside_) continue;
+    if (squared > squared_inside_) continue;  // or no site at all
     // Behind: the way to the site leads along its normal, within 70 degrees. Beside the rim of a
     // surface it does not, and nothing is known there.
     constexpr float kBehindCosine = 0.35f;
-    const Eigen::Vector3f to_site(v.dx, v.dy, v.dz);
-    if (to_site.dot(NormalOfCode(v.normal_code())) >
-        kBehindCosine * std::sqrt(static_cast<float>(squared))) {
+    const Eigen::Vector3f& n = normals_[static_cast<size_t>(v.normal_code())];
+    const float along = v.dx * n.x() + v.dy * n.y() + v.dz * n.z();
+    if (along > 0 && along * along > kBehindCosine * kBehindCosine * squared) {
       v.attributes |= kNegativeBit;
     }
   }
@@ -311,7 +311,7 @@ void FieldUpdater::Finish() {
   stats_.written_blocks = written.size();
   struct Outcome {
     bool uniform;
-    std::vector<int32_t> references;
+    absl::InlinedVector<int32_t, 8> references;
   };
   std::vector<Outcome> outcomes(written.size());
   tbb::parallel_for(size_t{0}, written.size(), [&](size_t i) {

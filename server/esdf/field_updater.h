@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "absl/types/span.h"
+#include "server/esdf/block_extraction.h"
 #include "server/esdf/block_table.h"
 #include "server/esdf/seeding.h"
 #include "server/esdf/site_extraction.h"
@@ -57,23 +58,18 @@ class FieldUpdater {
   uint64_t MemoryBytes() const;
 
  private:
-  // What extraction finds different in one block.
   struct Extraction {
     int32_t id = kNoBlock;
-    bool has_sites = false;
     bool new_states = false;
-    BlockSites sites;
-    std::array<uint8_t, kBlockVoxels> states;
+    BlockExtraction block;
   };
   struct SeedTask {
     int32_t id;
     bool only_fresh;
   };
 
-  std::vector<int32_t> BlocksToExtract(const SurfaceMap& map,
-                                       absl::Span<const BlockIndex> changed_blocks);
   void Extract(const SurfaceMap& map, absl::Span<const BlockIndex> changed_blocks);
-  void ExtractBlock(const SurfaceMap& map, Extraction* out) const;
+  std::vector<int32_t> ExtractBlocks(const SurfaceMap& map, const std::vector<int32_t>& ids);
   void Accept(const Extraction& extraction);
   std::vector<int32_t> RepairReferrers();
   std::vector<SeedTask> SeedTasks(const std::vector<int32_t>& repaired);
@@ -88,10 +84,12 @@ class FieldUpdater {
   float min_weight_;
   int32_t squared_limit_;
   int32_t squared_inside_;
+  std::array<Eigen::Vector3f, 128> normals_;  // by code
   BlockTable table_;
   SiteTable sites_;
-  std::vector<int32_t> changed_sites_;  // site blocks that this update changed
-  std::vector<int32_t> retiled_;        // blocks whose tile this update changed
+  std::vector<int32_t> changed_sites_;   // site blocks that this update changed
+  std::vector<int32_t> retiled_;         // blocks whose tile this update changed
+  std::vector<Extraction> extractions_;  // reused memory
   DistanceField field_;
   Stats stats_;
 };

@@ -26,8 +26,8 @@ RelativeVoxel SiteVoxel(int offset, const FieldVoxel& v) {
 // Calls fn(offset, voxel, site voxel, site block) for each voxel whose site is in gone() of one of
 // `changed`, until fn returns false.
 template <typename Block, typename Fn>
-void ForEachNamingGone(const BlockIndex& index, Block& block,
-                       const std::vector<const SiteBlock*>& changed, const Fn& fn) {
+void ForEachNamingGone(const BlockIndex& index, Block& block, const ChangedSites& changed,
+                       const Fn& fn) {
   BlockIndex last_block = index;
   const SiteBlock* last = nullptr;
   bool has_last = false;
@@ -50,8 +50,8 @@ void ForEachNamingGone(const BlockIndex& index, Block& block,
 
 }  // namespace
 
-std::vector<BlockIndex> ReferencedBlocks(const BlockIndex& index, const FieldBlock& block) {
-  std::vector<BlockIndex> found;
+ReferencedBlockList ReferencedBlocks(const BlockIndex& index, const FieldBlock& block) {
+  ReferencedBlockList found;
   BlockIndex last;
   for (int o = 0; o < kBlockVoxels; ++o) {
     const FieldVoxel& v = block.voxels[o];
@@ -66,8 +66,7 @@ std::vector<BlockIndex> ReferencedBlocks(const BlockIndex& index, const FieldBlo
   return found;
 }
 
-bool NamesGoneSite(const BlockIndex& index, const FieldBlock& block,
-                   const std::vector<const SiteBlock*>& changed) {
+bool NamesGoneSite(const BlockIndex& index, const FieldBlock& block, const ChangedSites& changed) {
   bool any = false;
   ForEachNamingGone(index, block, changed,
                     [&](int, const FieldVoxel&, const RelativeVoxel&, const SiteBlock&) {
@@ -77,8 +76,8 @@ bool NamesGoneSite(const BlockIndex& index, const FieldBlock& block,
   return any;
 }
 
-void FollowSites(const BlockIndex& index, const std::vector<const SiteBlock*>& changed,
-                 int32_t squared_limit, FieldBlock* block) {
+void FollowSites(const BlockIndex& index, const ChangedSites& changed, int32_t squared_limit,
+                 FieldBlock* block) {
   ForEachNamingGone(index, *block, changed,
                     [&](int o, FieldVoxel& v, const RelativeVoxel& u, const SiteBlock& sites) {
                       const uint16_t own = v.attributes & kVoxelBits;

@@ -11,8 +11,8 @@
 
 namespace clearance {
 
-// A site counts as moved, and the field follows, when its position changes by more than a quarter of
-// a voxel, its normal by more than about 30 degrees, or its sigma by more than a factor of two.
+// A site counts as moved, and the field follows, when its position changes by more than a quarter
+// of a voxel, its normal by more than about 30 degrees, or its sigma by more than a factor of two.
 // Smaller moves leave the site where the field has it.
 inline constexpr int kIgnoredMoveUnits = 64;
 inline constexpr int kIgnoredSigmaCodes = 5;
@@ -60,6 +60,13 @@ void ForEachSet(const BlockMask& mask, const Fn& fn) {
       fn(word * 64 + __builtin_ctzll(bits));
     }
   }
+}
+
+inline bool Intersects(const BlockMask& a, const BlockMask& b) {
+  for (int w = 0; w < 8; ++w) {
+    if (a[w] & b[w]) return true;
+  }
+  return false;
 }
 
 }  // namespace clearance

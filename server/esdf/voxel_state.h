@@ -13,6 +13,10 @@ inline constexpr uint16_t kStateBits = 3, kLowConfidenceBit = 4, kNegativeBit = 
 inline constexpr uint16_t kVoxelBits = 15;                   // what belongs to the voxel
 inline constexpr uint16_t kSiteBits = 0xffff & ~kVoxelBits;  // what belongs to its site
 
+// FREE by evidence or UNKNOWN: what IsFree and IsConfidentlyFree say of every voxel of a block.
+void ClassifyByEvidence(const float weight[kHaloVoxels], const int32_t evidence[kHaloVoxels],
+                        uint8_t states[kBlockVoxels]);
+
 // Attribute bits of the 512 voxels of a block, from its halo copies (SurfaceMap::ReadBand and
 // ReadEvidence) and its sites:
 // - OCCUPIED where the cube contains the fused surface: weight >= min_weight and

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "server/map/free_evidence.h"
 #include "server/map/surface_grids.h"
@@ -189,9 +190,16 @@ void ReadHalo(const Tree& tree, const BlockIndex& block, Value* out) {
         const Value* data = leaf ? leaf->buffer().data() : nullptr;
         for (int x = x0; x < x1; ++x) {
           for (int y = y0; y < y1; ++y) {
-            for (int z = z0; z < z1; ++z) {
-              out[HaloOffset(x, y, z)] =
-                  data ? data[((x & 7) << 6) | ((y & 7) << 3) | (z & 7)] : tile;
+            Value* row = out + HaloOffset(x, y, z0);
+            if (!data) {
+              std::fill(row, row + (z1 - z0), tile);
+              continue;
+            }
+            const Value* from = data + (((x & 7) << 6) | ((y & 7) << 3) | (z0 & 7));
+            if (bz == 0) {
+              std::memcpy(row, from, kBlockSide * sizeof(Value));
+            } else {
+              *row = *from;
             }
           }
         }

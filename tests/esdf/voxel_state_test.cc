@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 
 namespace clearance {
 namespace {
@@ -115,6 +116,34 @@ TEST(VoxelState, ReachesIntoTheCornerOfACubeAlongADiagonalNormal) {
   halo.Classify();
   EXPECT_EQ(halo.At(4), kOccupied);
   EXPECT_EQ(halo.At(4, 4, 5), kFree | kLowConfidenceBit);
+}
+
+TEST(VoxelState, AgreesWithTheRulesOfFreeEvidenceVoxelByVoxel) {
+  std::mt19937 rng(1);
+  for (int repeat = 0; repeat < 200; ++repeat) {
+    Halo halo;
+    const uint32_t holes = repeat % 4 ? 1 + rng() % 300 : 0;
+    for (int i = 0; i < kHaloVoxels; ++i) {
+      if (holes && rng() % holes == 0) {
+        halo.weight[i] = rng() % 2 ? 0.1f : 0.f;
+        continue;
+      }
+      const uint8_t probable = static_cast<uint8_t>(rng() % 6);
+      halo.evidence[i] = FreeEvidence{static_cast<uint8_t>(rng() % (probable + 1)), probable,
+                                      static_cast<uint8_t>(rng() % 2), 0}
+                             .Pack();
+    }
+    ClassifyByEvidence(halo.weight, halo.evidence, halo.states);
+    for (int o = 0; o < kBlockVoxels; ++o) {
+      const int h = HaloOffset(o >> 6, (o >> 3) & 7, o & 7);
+      int expected = 0;
+      if (IsFree(FreeEvidence::Unpack(halo.evidence[h]))) {
+        expected =
+            IsConfidentlyFree(halo.evidence, halo.weight, h) ? kFree : kFree | kLowConfidenceBit;
+      }
+      ASSERT_EQ(halo.states[o], expected) << repeat << " " << o;
+    }
+  }
 }
 
 TEST(VoxelState, IgnoresLightBandVoxels) {
