@@ -75,11 +75,18 @@ absl::Status Slice(const Context& context, const Arguments& arguments) {
   picture.target_width = arguments.width;
   picture.sensor_path = map->sensor_path;
   if (!arguments.static_only) {
-    client::QueryOptions query;
-    query.horizon_s = arguments.horizon_s;
-    const auto objects = (*client)->ListObjects(/*include_history=*/true, query);
+    const auto objects = (*client)->ListObjects(/*include_history=*/true);
     if (!objects.ok()) return objects.status();
-    picture.objects = objects->objects;
+    // Poses are of the slice's own revision; only the paths may reach a little farther.
+    picture.objects = slice->objects;
+    for (client::ObjectInfo& object : picture.objects) {
+      for (const client::ObjectInfo& listed : objects->objects) {
+        if (listed.brief.object_id == object.brief.object_id &&
+            listed.brief.generation == object.brief.generation) {
+          object.history = listed.history;
+        }
+      }
+    }
   }
   const client::Canvas canvas = DrawSlice(*slice, picture);
   if (absl::Status s = canvas.WritePng(arguments.out); !s.ok()) return s;

@@ -31,7 +31,7 @@ void Canvas::SetPixel(int x, int y, Color color) {
 }
 
 void Canvas::BlendPixel(int x, int y, Color color, double coverage) {
-  if (x < 0 || y < 0 || x >= width_ || y >= height_ || coverage <= 0) return;
+  if (x < 0 || y < 0 || x >= width_ || y >= height_ || !(coverage > 0)) return;
   Color& pixel = pixels_[static_cast<size_t>(y) * width_ + x];
   const double c = std::min(coverage, 1.0);
   pixel = {Mixed(pixel.r, color.r, c), Mixed(pixel.g, color.g, c), Mixed(pixel.b, color.b, c)};

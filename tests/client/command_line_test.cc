@@ -14,18 +14,18 @@ namespace {
 
 using ::testing::HasSubstr;
 
-struct Run {
+struct Outcome {
   int exit_code = -1;
   std::string out, err;
 };
 
-Run Clearance(const std::string& arguments) {
+Outcome Clearance(const std::string& arguments) {
   const client::TestFolder folder;
   const std::string err = (folder.path() / "err").string();
   // Nothing listens on port 1.
   const std::string command = "CLEARANCE_SERVER=127.0.0.1:1 " CLEARANCE_COMMAND " " + arguments +
                               " 2>" + err + " </dev/null";
-  Run run;
+  Outcome run;
   std::FILE* pipe = popen(command.c_str(), "r");
   char buffer[4096];
   for (size_t n; (n = fread(buffer, 1, sizeof(buffer), pipe)) > 0;) run.out.append(buffer, n);
@@ -56,7 +56,7 @@ TEST(CommandLine, WrongUseEndsWithTwoAndSaysWhatIsWrong) {
                                 "map edit --action burn",
                                 "info --timeout 0",
                                 "health --nonsense"}) {
-    const Run run = Clearance(arguments);
+    const Outcome run = Clearance(arguments);
     EXPECT_EQ(run.exit_code, 2) << arguments << "\n" << run.err;
     EXPECT_THAT(run.err, HasSubstr("clearance: ")) << arguments;
     EXPECT_EQ(run.out, "") << arguments;
@@ -68,7 +68,7 @@ TEST(CommandLine, HelpAndVersionNeedNoServer) {
   EXPECT_THAT(Clearance("--help").out, HasSubstr("5 unavailable"));
   for (const char* command : {"ingest", "query", "objects", "info", "slice", "mesh", "grid",
                               "health", "map", "map create", "version"}) {
-    const Run run = Clearance(std::string(command) + " --help");
+    const Outcome run = Clearance(std::string(command) + " --help");
     EXPECT_EQ(run.exit_code, 0) << command;
     EXPECT_THAT(run.out, HasSubstr("--help")) << command;
   }
@@ -80,19 +80,19 @@ TEST(CommandLine, AServerThatIsNotThereIsFiveAndSaysWhereAndWhatToDo) {
   for (const char* arguments :
        {"health", "query 10 -2 0.5", "query 10 -2 -0.5 --horizon -1", "info", "objects",
         "slice --z -0.5 --out a.png", "mesh --out a.ply", "map list"}) {
-    const Run run = Clearance(std::string("--timeout 1 ") + arguments);
+    const Outcome run = Clearance(std::string("--timeout 1 ") + arguments);
     EXPECT_EQ(run.exit_code, 5) << arguments << "\n" << run.err;
     EXPECT_THAT(run.err, HasSubstr("127.0.0.1:1")) << arguments;
     EXPECT_THAT(run.err, HasSubstr("onnection refused")) << arguments;
     EXPECT_THAT(run.err, HasSubstr("clearance_server")) << arguments;
   }
-  const Run run = Clearance("health --server /no/such/socket --timeout 1");
+  const Outcome run = Clearance("health --server /no/such/socket --timeout 1");
   EXPECT_EQ(run.exit_code, 5);
   EXPECT_THAT(run.err, HasSubstr("/no/such/socket"));
 }
 
 TEST(CommandLine, ErrorsAreJsonTooWhereAskedFor) {
-  const Run run = Clearance("health --json --timeout 1");
+  const Outcome run = Clearance("health --json --timeout 1");
   EXPECT_EQ(run.exit_code, 5);
   const auto json = nlohmann::json::parse(run.out);
   EXPECT_EQ(json["error"]["exit_code"], 5);
@@ -100,7 +100,7 @@ TEST(CommandLine, ErrorsAreJsonTooWhereAskedFor) {
 }
 
 TEST(CommandLine, AnAddressThatCannotBeOneIsBadData) {
-  const Run run = Clearance("health --server localhost");
+  const Outcome run = Clearance("health --server localhost");
   EXPECT_EQ(run.exit_code, 4);
   EXPECT_THAT(run.err, HasSubstr("got \"localhost\", expected HOST:PORT"));
 }
@@ -111,12 +111,12 @@ TEST(CommandLine, MissingAndDamagedInputIsFoundBeforeTheServerIs) {
   client::TestFolder folder;
   client::WriteDepthSequence(folder);
   folder.Write("trajectory.tum", "0 0 0 0 0 0 0 1\n");
-  const Run run = Clearance("ingest " + folder.path().string());
+  const Outcome run = Clearance("ingest " + folder.path().string());
   EXPECT_EQ(run.exit_code, 4);
   EXPECT_THAT(run.err, HasSubstr("trajectory.tum: got 1 poses, expected 3"));
   EXPECT_EQ(Clearance("query --points /no/such/points.csv").exit_code, 3);
   folder.Write("points.csv", "x,y,z\n1,2,3\n4,5\n");
-  const Run points = Clearance("query --points " + (folder.path() / "points.csv").string());
+  const Outcome points = Clearance("query --points " + (folder.path() / "points.csv").string());
   EXPECT_EQ(points.exit_code, 4);
   EXPECT_THAT(points.err, HasSubstr("points.csv:3: got 2 cells"));
 }

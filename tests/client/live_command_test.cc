@@ -16,13 +16,13 @@ namespace {
 using ::testing::HasSubstr;
 using Json = nlohmann::json;
 
-struct Run {
+struct Outcome {
   int exit_code = -1;
   std::string out;
 };
 
-Run Shell(const std::string& command) {
-  Run run;
+Outcome Shell(const std::string& command) {
+  Outcome run;
   std::FILE* pipe = popen(command.c_str(), "r");
   char buffer[4096];
   for (size_t n; (n = fread(buffer, 1, sizeof(buffer), pipe)) > 0;) run.out.append(buffer, n);
@@ -52,7 +52,7 @@ class LiveCommand : public ::testing::Test {
     }
     folder.Write("room/trajectory.tum", trajectory);
     folder.Write("room/object_motions.csv", motions);
-    const Run run = Clearance("ingest --json " + Path("room"));
+    const Outcome run = Clearance("ingest --json " + Path("room"));
     ASSERT_EQ(run.exit_code, 0) << run.out;
     const Json summary = Json::parse(run.out);
     ASSERT_EQ(summary["map"], "room");
@@ -69,7 +69,7 @@ class LiveCommand : public ::testing::Test {
     return (server_->folder().path() / name).string();
   }
   // Standard error goes where the test can show it.
-  static Run Clearance(const std::string& arguments) {
+  static Outcome Clearance(const std::string& arguments) {
     return Shell("CLEARANCE_SERVER=" + server_->address() + " " CLEARANCE_COMMAND " " + arguments +
                  " 2>" + Path("err") + " </dev/null");
   }
@@ -87,7 +87,7 @@ TEST_F(LiveCommand, HealthIsZeroWhileServing) {
 }
 
 TEST_F(LiveCommand, IngestAgainHasNothingToSend) {
-  const Run run = Clearance("ingest --json " + Path("room"));
+  const Outcome run = Clearance("ingest --json " + Path("room"));
   ASSERT_EQ(run.exit_code, 0) << Err();
   EXPECT_EQ(Json::parse(run.out)["resumed_behind"], 6);
   EXPECT_EQ(Json::parse(run.out)["integrated"], 0);
@@ -95,7 +95,7 @@ TEST_F(LiveCommand, IngestAgainHasNothingToSend) {
 }
 
 TEST_F(LiveCommand, QueryAnswersOnePointAsTableAndJson) {
-  const Run table = Clearance("query --map room -2 0 -0.5");
+  const Outcome table = Clearance("query --map room -2 0 -0.5");
   ASSERT_EQ(table.exit_code, 0) << Err();
   EXPECT_THAT(table.out, HasSubstr("distance"));
   const Json json = Json::parse(Clearance("--map room query -2.0 0 0 --json").out);
@@ -116,8 +116,8 @@ TEST_F(LiveCommand, QueryAnswersAFileOfPoints) {
   std::string csv = "x,y,z\n";
   for (int i = 0; i < 1000; ++i) csv += std::to_string(-2.5 + i * 0.001) + ",0.5,0\n";
   server_->folder().Write("points.csv", csv);
-  const Run run = Clearance("query --map room --points " + Path("points.csv") + " --out " +
-                            Path("answers.csv"));
+  const Outcome run = Clearance("query --map room --points " + Path("points.csv") + " --out " +
+                                Path("answers.csv"));
   ASSERT_EQ(run.exit_code, 0) << Err();
   std::ifstream answers(Path("answers.csv"));
   std::string line;
@@ -147,7 +147,7 @@ TEST_F(LiveCommand, InfoTellsOfServerMapAndSource) {
 }
 
 TEST_F(LiveCommand, SliceDrawsAPicture) {
-  const Run run = Clearance("slice --map room --z 0.1 --json --out " + Path("slice.png"));
+  const Outcome run = Clearance("slice --map room --z 0.1 --json --out " + Path("slice.png"));
   ASSERT_EQ(run.exit_code, 0) << Err();
   const Json json = Json::parse(run.out);
   EXPECT_GT(json["cells"]["free"].get<int>(), 2000);
@@ -205,17 +205,17 @@ TEST_F(LiveCommand, ADamagedFrameEndsIngestBehindWhatCameBefore) {
 }
 
 TEST_F(LiveCommand, ThePythonExampleRuns) {
-  const Run run = Shell("PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" CLEARANCE_PYTHON_PATH
-                        " python3 client/python/example.py " +
-                        server_->address() + " room 2>&1");
+  const Outcome run = Shell("PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" CLEARANCE_PYTHON_PATH
+                            " " CLEARANCE_PYTHON " client/python/example.py " +
+                            server_->address() + " room 2>&1");
   EXPECT_EQ(run.exit_code, 0) << run.out;
   EXPECT_THAT(run.out, HasSubstr("in a second"));
 }
 
 TEST_F(LiveCommand, ThePythonClientIngestsAndMeasures) {
-  const Run run = Shell("PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" CLEARANCE_PYTHON_PATH
-                        " python3 tests/client/python_client_test.py " +
-                        server_->address() + " 2>&1");
+  const Outcome run = Shell("PYTHONDONTWRITEBYTECODE=1 PYTHONPATH=" CLEARANCE_PYTHON_PATH
+                            " " CLEARANCE_PYTHON " tests/client/python_client_test.py " +
+                            server_->address() + " 2>&1");
   EXPECT_EQ(run.exit_code, 0) << run.out;
 }
 

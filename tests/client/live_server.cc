@@ -150,7 +150,7 @@ int CuttingProxy::Cut() {
 }
 
 Frame RoomFrame(uint64_t index, bool with_object) {
-  constexpr int kColumns = 256, kRows = 64;
+  constexpr int kColumns = 256, kRows = 128;
   const Eigen::Vector3d half(3, 3, 1.5);
   const Eigen::Vector3d centre(1.5 + 0.1 * static_cast<double>(index), 0, 0);
   Frame frame;
@@ -162,7 +162,7 @@ Frame RoomFrame(uint64_t index, bool with_object) {
   for (int row = 0; row < kRows; ++row) {
     for (int column = 0; column < kColumns; ++column) {
       const double azimuth = (column + 0.5) * 2 * M_PI / kColumns;
-      const double elevation = ((row + 0.5) / kRows - 0.5) * 1.4;
+      const double elevation = ((row + 0.5) / kRows - 0.5) * M_PI;
       const Eigen::Vector3d direction(std::cos(elevation) * std::cos(azimuth),
                                       std::cos(elevation) * std::sin(azimuth), std::sin(elevation));
       double range = ExitDistance(direction, half);

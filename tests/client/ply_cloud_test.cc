@@ -79,7 +79,9 @@ TEST(PlyCloud, FlippedBytesNeverCrash) {
     std::string bytes = whole;
     for (int k = 0; k < 3; ++k) bytes[rng() % bytes.size()] = static_cast<char>(rng());
     const auto cloud = ParsePlyCloud(bytes, "a.ply");
-    if (cloud.ok()) EXPECT_TRUE(cloud->points_X.allFinite());
+    if (cloud.ok()) {
+      EXPECT_TRUE(cloud->points_X.allFinite());
+    }
   }
 }
 

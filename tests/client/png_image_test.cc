@@ -58,7 +58,9 @@ TEST(PngImage, FlippedBytesNeverCrash) {
     std::string bytes = whole;
     for (int k = 0; k < 2; ++k) bytes[rng() % bytes.size()] = static_cast<char>(rng());
     const auto image = ParseGray16Png(bytes, "a.png");
-    if (image.ok()) EXPECT_EQ(image->pixels.size(), size_t{image->width} * image->height);
+    if (image.ok()) {
+      EXPECT_EQ(image->pixels.size(), size_t{image->width} * image->height);
+    }
   }
 }
 

@@ -7,6 +7,11 @@
 The generated messages are `clearance.v1` (for example `from clearance.v1 import query_pb2`).
 """
 
+import pkgutil
+
+# The generated clearance/v1 may lie elsewhere on the path: in <build>/python.
+__path__ = pkgutil.extend_path(__path__, __name__)
+
 from clearance.arrays import FREE, OCCUPIED, UNKNOWN
 from clearance.client import Answers, Client
 from clearance.errors import ClearanceError
