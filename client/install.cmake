@@ -1,4 +1,4 @@
-# find_package(Clearance) -> Clearance::client: the static libraries, their headers and what they need.
+# find_package(Clearance) -> Clearance::client: static libraries, their headers, what they need.
 include(CMakePackageConfigHelpers)
 set(sdk_targets clearance_client clearance_wire clearance_proto clearance_core clearance_flags)
 foreach(target ${sdk_targets})
@@ -18,8 +18,8 @@ endforeach()
 install(DIRECTORY ${CMAKE_BINARY_DIR}/proto/gen/ DESTINATION ${include_root} COMPONENT sdk
         FILES_MATCHING PATTERN "*.pb.h")
 # The contract itself, for clients in other languages.
-install(DIRECTORY ${CMAKE_SOURCE_DIR}/proto/clearance DESTINATION ${CMAKE_INSTALL_DATADIR}/clearance/proto
-        COMPONENT sdk FILES_MATCHING PATTERN "*.proto")
+install(DIRECTORY ${CMAKE_SOURCE_DIR}/proto/clearance
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/clearance/proto COMPONENT sdk FILES_MATCHING PATTERN "*.proto")
 
 set(package_dir ${CMAKE_INSTALL_LIBDIR}/cmake/Clearance)
 install(EXPORT ClearanceTargets NAMESPACE Clearance:: DESTINATION ${package_dir} COMPONENT sdk)
