@@ -142,8 +142,8 @@ bool ClearanceServer::Drain() {
   context_.draining = true;
   services_->grpc->GetHealthCheckService()->SetServingStatus(false);
   services_->sessions.CloseAll(v1::INGEST_CLOSING_REASON_DRAINING);
-  bool settled = context_.registry->Drain(deadline);
-  settled &= services_->sessions.WaitEmpty(deadline);
+  const bool settled = context_.registry->Drain(deadline);
+  services_->sessions.WaitEmpty(deadline);
   context_.registry->StopAll();  // what is left is abandoned, and its streams end
   services_->sessions.WaitEmpty(Clock::now() + kShutdownGrace);
   pool_.Stop();

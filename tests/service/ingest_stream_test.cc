@@ -173,7 +173,10 @@ TEST_F(IngestStreamTest, AFullQueueHoldsTheStreamBackWithoutLoss) {
   StartServer(std::move(registry), options);
   IngestClient client(ingest_.get());
   ASSERT_TRUE(client.Open());
-  for (uint64_t id = 1; id <= 8; ++id) ASSERT_TRUE(client.Send(ProtoFrame(id)));
+  // In process a write waits until it is read.
+  std::thread sender([&] {
+    for (uint64_t id = 1; id <= 8; ++id) EXPECT_TRUE(client.Send(ProtoFrame(id)));
+  });
   gate.WaitForArrival();
   // The unary twin is refused instead, and told to try again.
   grpc::ClientContext context;
@@ -186,6 +189,7 @@ TEST_F(IngestStreamTest, AFullQueueHoldsTheStreamBackWithoutLoss) {
   EXPECT_EQ(refused.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
   EXPECT_FALSE(refused.error_details().empty()) << "RetryInfo";
   gate.Open();
+  sender.join();
   EXPECT_TRUE(client.Finish().ok());
   ASSERT_EQ(client.late_acks().size(), 8u);
   for (const v1::FrameAck& ack : client.late_acks()) {

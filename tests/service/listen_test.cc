@@ -1,4 +1,3 @@
-#include <httplib.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -8,6 +7,9 @@
 
 #include "server/service/http/http_server.h"
 #include "tests/service/service_fixture.h"
+
+// Last: it brings <resolv.h>, whose macro _res is a name inside Eigen.
+#include <httplib.h>
 
 namespace clearance {
 namespace {
@@ -19,7 +21,7 @@ class ListenTest : public ServiceFixture {
   void SetUp() override {
     registry_ = std::make_unique<MapRegistry>(FakeRegistry(log_, 4));
     ASSERT_TRUE(registry_->Create("default", {}).ok());
-    path_ = ::testing::TempDir() + "clearance_listen_test_" + std::to_string(getpid()) + ".sock";
+    path_ = SocketPath();
   }
   void TearDown() override { unlink(path_.c_str()); }
 

@@ -1,13 +1,14 @@
 #include "server/service/http/http_server.h"
 
-#include <httplib.h>
-
 #include <thread>
 
 #include "absl/strings/str_format.h"
 #include "server/config/server_config.h"
 #include "server/service/http/metrics.h"
 #include "server/service/listen_check.h"
+
+// Last: it brings <resolv.h>, whose macro _res is a name inside Eigen.
+#include <httplib.h>
 
 namespace clearance {
 namespace {
