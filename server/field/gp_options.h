@@ -9,9 +9,9 @@ enum class KernelType { kSquaredExponential, kMatern32, kRationalQuadratic };
 
 struct GpOptions {
   KernelType kernel = KernelType::kSquaredExponential;
-  double length_scale_voxels = 0.8;  // l, in training spacings
-  double noise_variance = 0.01;      // added to K_ii
-  double max_latent_variance = 0.8;  // observations with larger v are not written
+  double length_scale_voxels = 1.0;   // l, in training spacings
+  double noise_variance = 0.01;       // added to K_ii
+  double max_latent_variance = 0.95;  // observations with larger v are not written
 
   absl::Status Validate() const;
 };

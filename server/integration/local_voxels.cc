@@ -154,4 +154,38 @@ LocalVoxels GatherVoxels(const Eigen::Matrix3Xf& points_X, const std::vector<uin
   return out;
 }
 
+LocalVoxels Union(const LocalVoxels& a, const LocalVoxels& b) {
+  if (b.empty()) return a;
+  LocalVoxels out;
+  out.voxel_size_m = a.voxel_size_m;
+  const auto append = [&out](const LocalVoxels& from, uint32_t i) {
+    out.offset.push_back(from.offset[i]);
+    out.centroid.push_back(from.centroid[i]);
+    out.count.push_back(from.count[i]);
+  };
+  size_t p = 0, q = 0;
+  while (p < a.blocks.size() || q < b.blocks.size()) {
+    const bool in_a =
+        p < a.blocks.size() && (q == b.blocks.size() || a.blocks[p].block <= b.blocks[q].block);
+    const bool in_b =
+        q < b.blocks.size() && (p == a.blocks.size() || b.blocks[q].block <= a.blocks[p].block);
+    const uint32_t begin = static_cast<uint32_t>(out.offset.size());
+    uint32_t i = in_a ? a.blocks[p].begin : 0, j = in_b ? b.blocks[q].begin : 0;
+    const uint32_t i_end = in_a ? a.blocks[p].end : 0, j_end = in_b ? b.blocks[q].end : 0;
+    while (i < i_end || j < j_end) {
+      if (j == j_end || (i < i_end && a.offset[i] <= b.offset[j])) {
+        if (j < j_end && a.offset[i] == b.offset[j]) ++j;
+        append(a, i++);
+      } else {
+        append(b, j++);
+      }
+    }
+    out.blocks.push_back({in_a ? a.blocks[p].block : b.blocks[q].block, begin,
+                          static_cast<uint32_t>(out.offset.size())});
+    p += in_a;
+    q += in_b;
+  }
+  return out;
+}
+
 }  // namespace clearance

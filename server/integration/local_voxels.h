@@ -10,8 +10,8 @@
 
 namespace clearance {
 
-// Surface voxels of one frame in the map frame M (W for the static map, L for an object), grouped by
-// block; blocks sorted, voxels by rising offset. All arrays run over voxels.
+// Surface voxels of one frame in the map frame M (W for the static map, L for an object), grouped
+// by block; blocks sorted, voxels by rising offset. All arrays run over voxels.
 struct LocalVoxels {
   struct Block {
     BlockIndex block;
@@ -30,5 +30,8 @@ struct LocalVoxels {
 // T_M_X maps sensor coordinates to M. Deterministic.
 LocalVoxels GatherVoxels(const Eigen::Matrix3Xf& points_X, const std::vector<uint32_t>& indices,
                          const Pose& T_M_X, double voxel_size_m);
+
+// Voxels of both, of equal voxel size; where both have one, a's.
+LocalVoxels Union(const LocalVoxels& a, const LocalVoxels& b);
 
 }  // namespace clearance

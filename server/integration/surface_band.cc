@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "server/integration/band_value.h"
+#include "server/integration/gap_bridging.h"
 #include "server/integration/nearest_surface.h"
 #include "server/integration/range_noise.h"
 #include "server/integration/sight.h"
@@ -31,7 +32,7 @@ struct BlockResult {
 class BandObserver {
  public:
   BandObserver(const LocalVoxels& voxels, const RangeImage& image, const Pose& T_M_X, ObjectId id,
-               const BandOptions& options)
+               double noise_m, const BandOptions& options)
       : voxels_(voxels),
         image_(image),
         T_M_X_(T_M_X),
@@ -39,7 +40,7 @@ class BandObserver {
         id_(id),
         options_(options),
         table_(voxels),
-        fields_(voxels, table_, T_M_X.translation(), EstimateNoise(image), options.gp),
+        fields_(voxels, table_, T_M_X.translation(), noise_m, options.gp),
         reach_voxels_(ReachVoxels(options, voxels.voxel_size_m)) {}
 
   float reach_voxels() const { return reach_voxels_; }
@@ -123,8 +124,10 @@ BandObservations ObserveBand(const LocalVoxels& voxels, const RangeImage& image,
                              const BandOptions& options) {
   BandObservations out;
   if (voxels.empty()) return out;
-  const BandObserver observer(voxels, image, T_M_X, id, options);
-  const std::vector<BlockIndex> blocks = BandBlocksOf(voxels, observer.reach_voxels());
+  const double noise_m = EstimateNoise(image);
+  const LocalVoxels surface = WithBridges(voxels, image, T_M_X, id, noise_m);
+  const BandObserver observer(surface, image, T_M_X, id, noise_m, options);
+  const std::vector<BlockIndex> blocks = BandBlocksOf(surface, observer.reach_voxels());
   std::vector<BlockResult> results(blocks.size());
   tbb::parallel_for(size_t{0}, blocks.size(),
                     [&](size_t i) { results[i] = observer.Observe(blocks[i]); });

@@ -9,6 +9,7 @@
 #include <map>
 
 #include "server/field/local_gp_field.h"
+#include "server/integration/gap_bridging.h"
 #include "server/integration/smallest_axis.h"
 #include "tests/testing/band_accuracy.h"
 
@@ -24,7 +25,7 @@ using testing::ViewedScene;
 constexpr double kVoxel = 0.1;
 
 struct Observed {
-  LocalVoxels voxels;
+  LocalVoxels voxels;  // bridges included
   RangeImage image;
   BandObservations band;
 };
@@ -41,9 +42,9 @@ Observed ObserveOnce(const DepthImage& depth, const Pose& T_W_X, double h, Objec
   }
   BandOptions options;
   options.truncation_m = 2 * h;
-  LocalVoxels voxels = GatherVoxels(points_X, indices, T_W_X, h);
+  const LocalVoxels voxels = GatherVoxels(points_X, indices, T_W_X, h);
   BandObservations band = ObserveBand(voxels, image, T_W_X, id, SurfaceMap(h), options);
-  return {std::move(voxels), std::move(image), std::move(band)};
+  return {WithBridges(voxels, image, T_W_X, id, 0), std::move(image), std::move(band)};
 }
 
 template <typename Fn>
@@ -63,8 +64,9 @@ TEST(SurfaceBand, CrossingsOfEverySceneLieOnTheTrueSurface) {
     const BandError e = testing::MeasureBand(fused, placed.scene, run.fusion);
     EXPECT_GT(e.crossing.size(), 3000u) << scene.scene.name();
     EXPECT_LT(BandError::Mean(e.crossing), 0.02 * kVoxel) << scene.scene.name();
-    EXPECT_LT(BandError::Quantile(e.crossing, 0.99), 0.3 * kVoxel) << scene.scene.name();
-    EXPECT_LT(e.crossing.back(), kVoxel) << scene.scene.name();
+    EXPECT_LT(BandError::Quantile(e.crossing, 0.99), 0.35 * kVoxel) << scene.scene.name();
+    EXPECT_LT(BandError::Quantile(e.crossing, 0.9995), kVoxel) << scene.scene.name();
+    EXPECT_LT(e.crossing.back(), 2 * kVoxel) << scene.scene.name();
     EXPECT_LT(e.wrong_sign, 0.005) << scene.scene.name();
     EXPECT_GT(e.covered, 0.985) << scene.scene.name();
   }
@@ -229,7 +231,7 @@ TEST(SurfaceBand, DistancesAreThoseOfTheGaussianProcessAndNotOfAPlane) {
   ASSERT_GT(n, 300u);
   EXPECT_GT(static_cast<double>(same) / n, 0.99);
   // On the flat faces both agree; near the edges a plane would be told apart.
-  EXPECT_LT(static_cast<double>(same_as_plane) / n, 0.8);
+  EXPECT_LT(static_cast<double>(same_as_plane) / n, 0.9);
 }
 
 TEST(SurfaceBand, WeightIsOneMinusLatentVarianceInFront) {
@@ -242,8 +244,8 @@ TEST(SurfaceBand, WeightIsOneMinusLatentVarianceInFront) {
     EXPECT_LE(weight, 1.f);
     EXPECT_LE(std::abs(d), 2 * kVoxel);
     if (d > 0 && d < 0.1 * kVoxel) near += weight > 0.9f;
-    // exp(-d^2 / l^2) with l = 0.8 voxel.
-    if (d > 0.75 * kVoxel) far += weight < 0.5f;
+    // exp(-d^2 / l^2) with l = 1 voxel.
+    if (d > 0.75 * kVoxel) far += weight < 0.6f;
   });
   EXPECT_GT(near, 50);
   EXPECT_GT(far, 50);
@@ -267,7 +269,7 @@ TEST(SurfaceBand, WritesNothingBehindAnotherMapsSurface) {
   ForEach(object.band, kVoxel, [&](const Vector3d& x, float d, float) {
     if (d >= 0) return;
     ++inside;
-    EXPECT_LT(box.Distance(x), 0.7 * kVoxel);
+    EXPECT_LT(scene.Distance(x), 0.7 * kVoxel);  // the ground below it is solid too
   });
   EXPECT_GT(inside, 100u);
 }
