@@ -290,6 +290,9 @@ void FieldUpdater::FinishBlock(int32_t id) {
   BlockRecord& record = table_[id];
   if (!record.data) return;
   FieldBlock& block = *record.data;
+  int all_known = 1;
+  for (const FieldVoxel& v : block.voxels) all_known &= (v.attributes & kStateBits) != 0;
+  if (all_known) return;
   for (FieldVoxel& v : block.voxels) {
     if (v.state() != VoxelState::kUnknown) continue;
     v.attributes &= ~kNegativeBit;

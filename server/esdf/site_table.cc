@@ -5,29 +5,41 @@
 namespace clearance {
 namespace {
 
-bool Moved(const FieldVoxel& from, const FieldVoxel& to) {
+bool Exceeds(const FollowRule& rule, const FieldVoxel& from, const FieldVoxel& to) {
   const int x = to.dx - from.dx, y = to.dy - from.dy, z = to.dz - from.dz;
-  if (x * x + y * y + z * z > kIgnoredMoveUnits * kIgnoredMoveUnits) return true;
-  if (std::abs(to.sigma_code() - from.sigma_code()) > kIgnoredSigmaCodes) return true;
+  if (x * x + y * y + z * z > rule.move_units * rule.move_units) return true;
+  if (std::abs(to.sigma_code() - from.sigma_code()) > rule.sigma_codes) return true;
   return to.normal_code() != from.normal_code() &&
-         NormalOfCode(to.normal_code()).dot(NormalOfCode(from.normal_code())) <
-             kIgnoredNormalCosine;
+         NormalOfCode(to.normal_code()).dot(NormalOfCode(from.normal_code())) < rule.normal_cosine;
 }
 
 }  // namespace
 
 void SiteBlock::Update(const BlockSites& newest) {
   Settle();
-  std::vector<FieldVoxel> sites;
+  BlockMask moved{}, company{};
+  int waiting = 0;
   ForEachSet(newest.mask, [&](int o) {
     const FieldVoxel* known = Find(o);
-    const bool moved = known && Moved(*known, newest.site[o]);
-    if (!known || moved) Set(fresh_, o);
-    if (moved) Set(gone_, o);
-    sites.push_back(known && !moved ? *known : newest.site[o]);
+    if (!known || *known == newest.site[o]) return;
+    if (Exceeds(kFollowAtOnce, *known, newest.site[o])) {
+      Set(moved, o);
+    } else if (Exceeds(kFollowInCompany, *known, newest.site[o])) {
+      Set(company, o);
+      ++waiting;
+    }
   });
-  for (int w = 0; w < 8; ++w) gone_[w] |= mask_[w] & ~newest.mask[w];
+  bool follow = waiting >= kCompany || moved != BlockMask{};
+  for (int w = 0; w < 8; ++w) follow |= (mask_[w] & ~newest.mask[w]) != 0;
+  for (int w = 0; w < 8; ++w) {
+    if (follow) moved[w] |= company[w];
+    gone_[w] = moved[w] | (mask_[w] & ~newest.mask[w]);
+    fresh_[w] = moved[w] | (newest.mask[w] & ~mask_[w]);
+  }
   if (!changed()) return;
+  std::vector<FieldVoxel> sites;
+  ForEachSet(newest.mask,
+             [&](int o) { sites.push_back(Test(fresh_, o) ? newest.site[o] : *Find(o)); });
   sites_ = std::move(sites);
   mask_ = newest.mask;
   uint16_t count = 0;

@@ -11,12 +11,19 @@
 
 namespace clearance {
 
-// A site counts as moved, and the field follows, when its position changes by more than a quarter
-// of a voxel, its normal by more than about 30 degrees, or its sigma by more than a factor of two.
-// Smaller moves leave the site where the field has it.
-inline constexpr int kIgnoredMoveUnits = 64;
-inline constexpr int kIgnoredSigmaCodes = 5;
-inline constexpr float kIgnoredNormalCosine = 0.85f;
+// When the field follows a site. At once, when its position changes by more than 3/8 voxel or its
+// normal by more than 60 degrees. Lesser changes (more than 3/32 voxel, 30 degrees, or sigma by
+// more than 1.6) wait until something in the block has to be followed anyway, or until many have
+// gathered: looking for the voxels that name a block's sites costs the same for one site as for all
+// of them. Until then the site stays where the field has it.
+struct FollowRule {
+  int move_units;
+  float normal_cosine;
+  int sigma_codes;
+};
+inline constexpr FollowRule kFollowAtOnce = {96, 0.5f, 32};
+inline constexpr FollowRule kFollowInCompany = {24, 0.85f, 3};
+inline constexpr int kCompany = 64;
 
 // The sites of one block, as the field knows them.
 class SiteBlock {
@@ -32,7 +39,7 @@ class SiteBlock {
     return &sites_[first_[offset >> 6] + __builtin_popcountll(word & (bit - 1))];
   }
 
-  // Takes the newest sites; small moves are ignored. Sets fresh() and gone().
+  // Takes the newest sites, by the rules above. Sets fresh() and gone().
   void Update(const BlockSites& newest);
   // Sites that are new or moved, and sites that moved or vanished, by the last Update().
   const BlockMask& fresh() const { return fresh_; }
