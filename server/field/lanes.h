@@ -1,6 +1,10 @@
 // Eight floats side by side: one lane each for eight neighbourhoods, or eight points of one.
 #pragma once
 
+#ifdef __AVX__
+#include <immintrin.h>
+#endif
+
 #include <cmath>
 #include <cstdint>
 
@@ -14,6 +18,25 @@ inline Lanes Splat(float a) { return Lanes{} + a; }
 
 inline Lanes Select(LanesInt condition, Lanes yes, Lanes no) { return condition ? yes : no; }
 inline Lanes Max(Lanes a, Lanes b) { return Select(a > b, a, b); }
+
+// One bit a lane of a comparison's result.
+inline uint32_t Bits(LanesInt condition) {
+#ifdef __AVX__
+  __m256 mask;
+  __builtin_memcpy(&mask, &condition, sizeof(mask));
+  return static_cast<uint32_t>(_mm256_movemask_ps(mask));
+#else
+  uint32_t bits = 0;
+  for (int k = 0; k < kLanes; ++k) bits |= (condition[k] & 1u) << k;
+  return bits;
+#endif
+}
+
+inline Lanes Gather(const float* from, LanesInt index) {
+  Lanes out;
+  for (int k = 0; k < kLanes; ++k) out[k] = from[index[k]];
+  return out;
+}
 
 inline Lanes Sqrt(Lanes a) {
   Lanes out;

@@ -26,6 +26,7 @@ std::vector<FreeBlock> WithReturns(std::vector<FreeBlock> free, const StaticRetu
       block.confident[w] &= ~block.hit[w];
       block.probable[w] &= ~block.hit[w];
       block.contradicted[w] &= ~block.hit[w];
+      block.refuted[w] &= ~block.hit[w];
     }
   }
   return all;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "server/field/lanes.h"
 #include "server/integration/free_space_parts.h"
 #include "server/integration/pinhole_view.h"
 #include "server/integration/stored_surface.h"
@@ -15,6 +16,8 @@ constexpr size_t kChunk = 128;  // blocks a task
 constexpr float kProbableMarginVoxels = 0.5f;
 // A ray refutes stored surface when its return lies this far beyond a point behind that surface.
 constexpr float kBeyondVoxels = 0.5f;
+// The same where the stored surface has no direction.
+constexpr float kBeyondUnknownVoxels = 2.f;
 
 // Voxel by voxel: the centre pixel for probable, all pixels around for confident.
 class VoxelTests {
@@ -31,14 +34,29 @@ class VoxelTests {
     const int level = FootprintLevel(cell.nearest, first_X);
     const float* dilated = level > 0 ? view_.pyramid().dilated_least(level) : nullptr;
     const int stride = level > 0 ? view_.pyramid().dilated_width(level) : 0;
+    // Octants first: most of a block's voxels are decided with them.
+    using Seen = PinholeView::Seen;
+    Seen octants[8];
+    for (int i = 0; i < 8; ++i) {
+      octants[i] = view_
+                       .Look(FirstVoxel(out.block) + 4 * VoxelIndex(i >> 2, (i >> 1) & 1, i & 1),
+                             kBlockSide / 2)
+                       .seen;
+    }
     for (int x = 0; x < kBlockSide; ++x) {
       uint64_t confident = 0, probable = 0;
       for (int y = 0; y < kBlockSide; ++y) {
+        const Seen* half = &octants[(x & 4) | ((y & 4) >> 1)];  // along z
+        const uint64_t whole =
+            (half[0] == Seen::kFree ? 0x0f : 0) | (half[1] == Seen::kFree ? 0xf0 : 0);
+        confident |= whole << (8 * y);
+        probable |= whole << (8 * y);
+        if (half[0] != Seen::kPart && half[1] != Seen::kPart) continue;
         const Eigen::Vector3f row_X = first_X + static_cast<float>(x) * steps_X_.col(0) +
                                       static_cast<float>(y) * steps_X_.col(1);
         Row(row_X, dilated, stride, level, y * 8, confident, probable);
       }
-      out.confident[x] = confident & probable;
+      out.confident[x] = confident;
       out.probable[x] = probable;
     }
   }
@@ -62,45 +80,35 @@ class VoxelTests {
     return level < view_.pyramid().levels() ? level : 0;
   }
 
-  // Eight voxels along z of W, without branches: the compiler makes vectors of this loop.
+  // Eight voxels along z of W at once.
   void Row(const Eigen::Vector3f& row_X, const float* dilated, int stride, int level, int shift,
            uint64_t& confident, uint64_t& probable) const {
+    constexpr Lanes kSteps = {0, 1, 2, 3, 4, 5, 6, 7};
     const RangeImage& image = view_.image();
-    const float fx = image.fx(), fy = image.fy(), cx = image.cx() + 0.5f, cy = image.cy() + 0.5f;
-    const float dx = steps_X_(0, 2), dy = steps_X_(1, 2), dz = steps_X_(2, 2);
     const float ahead = kProbableMarginVoxels * view_.voxel_size_m();
     const float extent = view_.half_extent_X().z();
-    const float most = view_.max_depth_m();
-    int pixel[8], inside[8], cell[8];
-    float depth[8];
-    for (int k = 0; k < 8; ++k) {
-      const float t = static_cast<float>(k);
-      const float z = row_X.z() + t * dz;
-      const float inverse = 1.f / std::max(z, 1e-3f);
-      const float u = fx * (row_X.x() + t * dx) * inverse + cx;
-      const float v = fy * (row_X.y() + t * dy) * inverse + cy;
-      const int iu = static_cast<int>(std::clamp(u, -1.f, static_cast<float>(width_)));
-      const int iv = static_cast<int>(std::clamp(v, -1.f, static_cast<float>(height_)));
-      inside[k] = (u >= 0.f) & (v >= 0.f) & (iu < width_) & (iv < height_) & (z > extent);
-      pixel[k] = inside[k] ? iv * width_ + iu : 0;
-      cell[k] = inside[k] ? (iv >> level) * stride + (iu >> level) : 0;
-      depth[k] = z;
-    }
-    uint64_t free = 0, sure = 0;
-    for (int k = 0; k < 8; ++k) {
-      free |= static_cast<uint64_t>(inside[k] & (depth[k] <= most) &
-                                    (measure_[pixel[k]] >= depth[k] + ahead))
-              << k;
-    }
-    if (dilated && free) {
-      for (int k = 0; k < 8; ++k) {
-        sure |= static_cast<uint64_t>(inside[k] & (depth[k] + extent <= most) &
-                                      (dilated[cell[k]] >= depth[k] + extent))
-                << k;
-      }
-    }
-    confident |= sure << shift;
+    const float right = static_cast<float>(width_), bottom = static_cast<float>(height_);
+    const Lanes z = row_X.z() + kSteps * steps_X_(2, 2);
+    const Lanes inverse = 1.f / Max(z, Splat(1e-3f));
+    // Shifted by half a pixel, so that cutting off the fraction rounds.
+    const Lanes u =
+        image.fx() * (row_X.x() + kSteps * steps_X_(0, 2)) * inverse + image.cx() + 0.5f;
+    const Lanes v =
+        image.fy() * (row_X.y() + kSteps * steps_X_(1, 2)) * inverse + image.cy() + 0.5f;
+    const LanesInt inside = (u >= 0.f) & (v >= 0.f) & (u < right) & (v < bottom) & (z > extent) &
+                            (z <= view_.max_depth_m());
+    if (Bits(inside) == 0) return;
+    const LanesInt column = __builtin_convertvector(Select(inside, u, Lanes{}), LanesInt);
+    const LanesInt row = __builtin_convertvector(Select(inside, v, Lanes{}), LanesInt);
+    const Lanes measure = Gather(measure_, row * width_ + column);
+    const uint64_t free = Bits(inside & (measure >= z + ahead));
+    if (free == 0) return;
     probable |= free << shift;
+    if (!dilated) return;
+    const Lanes least = Gather(dilated, (row >> level) * stride + (column >> level));
+    const uint64_t sure =
+        Bits(inside & (least >= z + extent) & (z + extent <= view_.max_depth_m()));
+    confident |= sure << shift;
   }
 
   const PinholeView& view_;
@@ -121,38 +129,53 @@ class Contradictions {
     const BlockMask held = stored.HeldVoxels();
     const Eigen::Vector3f first_X = view_.FirstCentre(out.block);
     for (int x = 0; x < kBlockSide; ++x) {
-      out.contradicted[x] = held[x] & out.confident[x];
+      out.contradicted[x] = out.refuted[x] = held[x] & out.confident[x];
       for (uint64_t bits = held[x] & ~out.confident[x]; bits; bits &= bits - 1) {
-        const int offset = x * 64 + __builtin_ctzll(bits);
-        if (LooksThrough(stored, out.block, offset, first_X)) Set(out.contradicted, offset);
+        LookThrough(stored, x * 64 + __builtin_ctzll(bits), first_X, out);
       }
     }
   }
 
  private:
-  bool LooksThrough(StoredSurface& stored, const BlockIndex& block, int offset,
-                    const Eigen::Vector3f& first_X) const {
+  void LookThrough(StoredSurface& stored, int offset, const Eigen::Vector3f& first_X,
+                   FreeBlock& out) const {
     const float h = view_.voxel_size_m();
     const Eigen::Vector3f centre_X =
         first_X + view_.R_X_W() * (h * VoxelAt({}, offset).cast<float>());
-    if (centre_X.z() <= h) return false;
+    if (centre_X.z() <= h) return;
     // A point that would be half a voxel inside, if the stored surface were still there.
     const float in = std::max(0.f, stored.mean(offset) + kPenetrationVoxels * h);
-    Eigen::Vector3f normal_W = Eigen::Vector3f::Zero();
-    if (in > 0.f) {
-      normal_W = stored.Normal(offset);
-      if (normal_W.isZero()) return false;
-    }
+    const Eigen::Vector3f normal_W = in > 0.f ? stored.Normal(offset) : Eigen::Vector3f::Zero();
+    // Where the stored surface has no direction, the centre stands for it, with more room behind.
+    const float beyond = in > 0.f && normal_W.isZero() ? kBeyondUnknownVoxels : kBeyondVoxels;
     const Eigen::Vector3f behind_X = centre_X - view_.R_X_W() * (in * normal_W);
-    const auto seen = view_.image().Project(behind_X);
-    if (!seen) return false;
-    const float measure = view_.image().measure(static_cast<int>(std::lround(seen->u)),
-                                                static_cast<int>(std::lround(seen->v)));
-    if (measure < behind_X.z() + kBeyondVoxels * h) return false;
+    const int rays = RaysBeyond(behind_X, beyond * h);
+    if (rays == 0) return;
     // Edges and poles are seen beside, too: not while the surface itself returns rays.
-    const VoxelIndex own = VoxelAt(block, offset);
-    return !returns_.Has(own) &&
-           !returns_.Has(own + SurfaceStep(stored.mean(offset) / h, normal_W));
+    const VoxelIndex own = VoxelAt(out.block, offset);
+    const VoxelIndex site = own + SurfaceStep(stored.mean(offset) / h, normal_W);
+    if (returns_.Has(own) || returns_.Has(site)) return;
+    Set(out.contradicted, offset);
+    const bool has_normal = in == 0.f || !normal_W.isZero();
+    if (IsRefuted(map_, own, site, has_normal, rays)) Set(out.refuted, offset);
+  }
+
+  // Of the pixel that sees a point and its four neighbours, how many return from `room` beyond it;
+  // 0 where the pixel itself does not.
+  int RaysBeyond(const Eigen::Vector3f& p_X, float room) const {
+    const RangeImage& image = view_.image();
+    const auto seen = image.Project(p_X);
+    if (!seen) return 0;
+    const int u = static_cast<int>(std::lround(seen->u)),
+              v = static_cast<int>(std::lround(seen->v));
+    const float beyond = p_X.z() + room;
+    if (image.measure(u, v) < beyond) return 0;
+    int rays = 1;
+    if (u > 0) rays += image.measure(u - 1, v) >= beyond;
+    if (v > 0) rays += image.measure(u, v - 1) >= beyond;
+    if (u + 1 < image.width()) rays += image.measure(u + 1, v) >= beyond;
+    if (v + 1 < image.height()) rays += image.measure(u, v + 1) >= beyond;
+    return rays;
   }
 
   const PinholeView& view_;

@@ -18,8 +18,9 @@ constexpr int kRowsAtOnce = 2;  // of the image, a task
 constexpr float kStopVoxels = 0.25f;
 // A ray refutes stored surface when its return lies this far beyond the cube, in voxels.
 constexpr float kBeyondVoxels = 1.f;
-// So many rays in one frame refute at once; fewer have to come again.
-[[maybe_unused]] constexpr int kCertainRays = 3;
+// The same where the stored surface has no direction; and how near to the centre the ray must pass.
+constexpr float kBeyondUnknownVoxels = 2.f;
+constexpr float kMiddleVoxels = 0.5f;
 
 // One ray in units of voxels, from the sensor, relative to the block that holds the sensor.
 struct Ray {
@@ -104,6 +105,11 @@ class RaySpace {
     const Eigen::Vector3f normal = stored.Normal(offset);
     const Eigen::Vector3f from_centre =
         ray.origin - at.cast<float>() - Eigen::Vector3f::Constant(0.5f);
+    if (normal.isZero()) {
+      // Which side is which is unknown: the ray has to pass the middle of the cube.
+      return ray.length >= leave + kBeyondUnknownVoxels &&
+             from_centre.cross(ray.direction).squaredNorm() < kMiddleVoxels * kMiddleVoxels;
+    }
     const float at_origin = stored.mean(offset) * inverse_h_ + normal.dot(from_centre);
     const float slope = normal.dot(ray.direction);
     return at_origin + std::min(enter * slope, leave * slope) < -kPenetrationVoxels;
@@ -148,13 +154,21 @@ std::vector<FreeBlock> ObserveFreeSpaceRays(const RangeImage& image, const Pose&
       Set(free.probable, o);
       if (sum.refuted[o] == 0) continue;
       // Edges and poles are passed beside, too: not while the surface itself returns rays.
-      const VoxelIndex step = SurfaceStep(sum.stored.mean(o) * inverse_h, sum.stored.Normal(o));
-      if (!returns.Has(VoxelAt(blocks[i], o) + step)) Set(free.contradicted, o);
+      const VoxelIndex own = VoxelAt(blocks[i], o);
+      const Eigen::Vector3f normal = sum.stored.Normal(o);
+      const VoxelIndex site = own + SurfaceStep(sum.stored.mean(o) * inverse_h, normal);
+      if (returns.Has(own) || returns.Has(site)) continue;
+      Set(free.contradicted, o);
+      if (IsRefuted(static_map, own, site, !normal.isZero(), sum.refuted[o])) {
+        Set(free.refuted, o);
+      }
     }
     view.ObserveConfident(free);
     if (sum.stored.empty()) return;
     for (size_t w = 0; w < free.confident.size(); ++w) {
-      free.contradicted[w] |= free.confident[w] & sum.held[w];
+      const uint64_t empty = free.confident[w] & sum.held[w];
+      free.contradicted[w] |= empty;
+      free.refuted[w] |= empty;
     }
   });
   std::erase_if(out, [](const FreeBlock& f) { return f.probable == BlockMask{}; });

@@ -1,5 +1,6 @@
 #include "server/integration/stored_surface.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace clearance {
@@ -8,6 +9,7 @@ namespace {
 constexpr float kHeldVoxels = 0.9f;
 constexpr float kMaxJumpVoxels = 1.5f;
 constexpr float kMinSlope = 0.6f;  // of a mean that is a distance: 1
+constexpr int kVotesWithoutNormal = 3;
 constexpr int kStride[3] = {64, 8, 1};
 
 }  // namespace
@@ -57,12 +59,19 @@ Eigen::Vector3f StoredSurface::Normal(int offset) {
     float below = 0.f, above = 0.f;
     const bool has_below = Difference(offset, axis, -1, &below);
     const bool has_above = Difference(offset, axis, +1, &above);
+    if (!has_below && !has_above) return Eigen::Vector3f::Zero();
     const float sum = (has_below ? below : 0.f) + (has_above ? above : 0.f);
     gradient[axis] = has_below && has_above ? 0.5f * sum : sum;
   }
   const float length = gradient.norm();
   if (!(length > kMinSlope * h_)) return Eigen::Vector3f::Zero();
   return gradient / length;
+}
+
+bool IsRefuted(const SurfaceMap& map, const VoxelIndex& own, const VoxelIndex& site,
+               bool has_normal, int rays) {
+  const int votes = map.EvidenceAt(own).contradicted + std::min(rays, kVotesWithoutNormal);
+  return (has_normal || votes >= kVotesWithoutNormal) && 2 * votes > map.EvidenceAt(site).returns;
 }
 
 }  // namespace clearance

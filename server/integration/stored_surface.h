@@ -56,6 +56,13 @@ inline VoxelIndex SurfaceStep(float mean_voxels, const Eigen::Vector3f& normal) 
           static_cast<int>(std::lround(step.z()))};
 }
 
+// Whether contradicted surface goes at once, or waits for more. Each frame in a row without a
+// return is a vote, and each ray of this frame, up to three: surface that returned rays in many
+// frames needs half as many votes, and surface without a direction (clutter: bushes, rims of badly
+// labelled objects) three at least. `own` holds the band, `site` the surface (SurfaceStep away).
+bool IsRefuted(const SurfaceMap& map, const VoxelIndex& own, const VoxelIndex& site,
+               bool has_normal, int rays);
+
 // How far a ray has to be behind the stored plane to contradict it, in voxels.
 inline constexpr float kPenetrationVoxels = 0.5f;
 

@@ -32,6 +32,7 @@ struct FreeBlock {
   BlockMask confident{};     // the whole cube was seen empty this frame
   BlockMask probable{};      // some ray passed through the cube this frame
   BlockMask contradicted{};  // rays went through the surface stored in this voxel
+  BlockMask refuted{};       // of these, the ones whose surface goes at once
   BlockMask hit{};           // a static return lies in the cube; excludes the others
 };
 

@@ -117,15 +117,13 @@ class BlockFuser {
     if (w.weight) ForEach(w.free->contradicted, [&](int o) { Contradict(w, o); });
   }
 
-  // Surface that rays went through fades fast: at once when the whole cube was seen empty or the
-  // surface was seen little, in the second frame in a row however often it was seen before.
+  // Surface that rays went through is forgotten once it is refuted; until then the contradictions
+  // in a row are counted.
   void Contradict(BlockWork& w, int o) const {
     if (weight_[o] == 0) return;
     FreeEvidence e = FreeEvidence::Unpack(evidence_[o]);
     e.contradicted = Increment(e.contradicted);
-    weight_[o] *= 0.25f;
-    w.changed = true;
-    if (Test(w.free->confident, o) || e.contradicted >= 2 || weight_[o] < 2 * options_.min_weight) {
+    if (Test(w.free->refuted, o)) {
       Forget(w, o);
       e.contradicted = 0;
       e.returns = 0;
@@ -339,6 +337,11 @@ void SurfaceMap::ReadBand(const BlockIndex& block, float mean[kHaloVoxels],
 
 void SurfaceMap::ReadEvidence(const BlockIndex& block, int32_t evidence[kHaloVoxels]) const {
   ReadHalo(grids_->evidence->constTree(), block, evidence);
+}
+
+FreeEvidence SurfaceMap::EvidenceAt(const VoxelIndex& v) const {
+  return FreeEvidence::Unpack(
+      grids_->evidence->constTree().getValue(openvdb::Coord(v.x(), v.y(), v.z())));
 }
 
 const float* SurfaceMap::MeanBlock(const BlockIndex& block) const {

@@ -69,6 +69,7 @@ class SurfaceMap {
   // Direct reads of a block with a one-voxel halo; absent voxels have weight 0 and evidence 0.
   void ReadBand(const BlockIndex& block, float mean[kHaloVoxels], float weight[kHaloVoxels]) const;
   void ReadEvidence(const BlockIndex& block, int32_t evidence[kHaloVoxels]) const;
+  FreeEvidence EvidenceAt(const VoxelIndex& v) const;
   // Leaf buffers without halo (512 values) or nullptr where there is no leaf.
   const float* MeanBlock(const BlockIndex& block) const;
   const float* WeightBlock(const BlockIndex& block) const;

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "server/integration/frame_integrator.h"
+#include "server/integration/stored_surface.h"
 #include "server/map/world_map.h"
 #include "tests/evaluation/label_damage.h"
 #include "tests/evaluation/state_box.h"
@@ -215,8 +216,8 @@ void MarkNearReturns(VoxelBox<Truth>& box) {
 
 struct Rates {
   int ghosts[3] = {}, phantoms = 0;
-  int observed[3] = {};  // truly occupied with static returns, by state
-  int missed_sure = 0;
+  int observed[3] = {};       // truly occupied with static returns, by state
+  int well_observed[3] = {};  // the same, five returns and more
   int seen_low = 0, seen_high = 0, truly_occupied = 0;
 };
 
@@ -304,6 +305,8 @@ void Run(const Arguments& arguments) {
         map.static_map().ReadEvidence(b, evidence.data());
         const int o = OffsetOf(v);
         const auto e = FreeEvidence::Unpack(evidence[HaloOffset(o >> 6, (o >> 3) & 7, o & 7)]);
+        const Eigen::Vector3f n = StoredSurface(map.static_map(), b).Normal(o);
+        std::printf("  normal %.2f %.2f %.2f\n", n.x(), n.y(), n.z());
         std::printf(
             "  ghost at %.2f %.2f %.2f: last swept %d, rays %d, mean %.3f weight %.2f, confident "
             "%d probable %d contradicted %d\n",
@@ -316,6 +319,7 @@ void Run(const Arguments& arguments) {
     ++r.truly_occupied;
     if (s.known == Known::kFree) ++(s.confident ? r.seen_high : r.seen_low);
     if (t.static_hits > 0) ++r.observed[static_cast<int>(s.known)];
+    if (t.static_hits >= 5) ++r.well_observed[static_cast<int>(s.known)];
     if (arguments.list && t.static_hits > 0 && s.known != Known::kOccupied) {
       const VoxelIndex v = truth.VoxelOfIndex(i);
       const float* mean = map.static_map().MeanBlock(BlockOf(v));
@@ -329,10 +333,12 @@ void Run(const Arguments& arguments) {
   std::printf("swept, left, seen again: %d voxels: %d free, %d unknown, %d OCCUPIED\n", swept,
               r.ghosts[1], r.ghosts[0], r.ghosts[2]);
   std::printf("occupied a voxel or more from static surface: %d\n", r.phantoms);
-  const int hit = r.observed[0] + r.observed[1] + r.observed[2];
-  std::printf(
-      "true surface with returns: %d voxels: %.3f %% occupied, %.3f %% free, %.3f %% unknown\n",
-      hit, 100.0 * r.observed[2] / hit, 100.0 * r.observed[1] / hit, 100.0 * r.observed[0] / hit);
+  for (const auto& [name, n] : {std::pair{"", r.observed}, {"five or more ", r.well_observed}}) {
+    const int hit = n[0] + n[1] + n[2];
+    std::printf(
+        "true surface with %sreturns: %d voxels: %.3f %% occupied, %.3f %% free, %.3f %% unknown\n",
+        name, hit, 100.0 * n[2] / hit, 100.0 * n[1] / hit, 100.0 * n[0] / hit);
+  }
   std::printf("true surface: %d voxels: free at high confidence %.4f %%, at low %.4f %%\n",
               r.truly_occupied, 100.0 * r.seen_high / r.truly_occupied,
               100.0 * r.seen_low / r.truly_occupied);
