@@ -3,8 +3,11 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <atomic>
+#include <mutex>
 #include <random>
 #include <string>
+#include <thread>
 
 #include "tests/esdf/exact_world.h"
 
@@ -136,6 +139,34 @@ TEST(FieldUpdater, LeavesEarlierFieldsUnchanged) {
     }
   }
   for (size_t i = 0; i < fields.size(); ++i) EXPECT_EQ(Bytes(fields[i]), bytes[i]) << i;
+}
+
+TEST(FieldUpdater, ReusesBlocksOnlyAfterEveryReaderLetGo) {
+  ChangingWorld world(13, Eigen::Vector3d::Zero());
+  FieldUpdater updater(Config(), FusionOptions());
+  std::mutex mutex;
+  DistanceField latest;
+  std::atomic<bool> done = false;
+  std::atomic<int> torn = 0;
+  std::thread reader([&] {
+    while (!done) {
+      DistanceField field;
+      {
+        const std::lock_guard<std::mutex> lock(mutex);
+        field = latest;
+      }
+      const std::string first = Bytes(field);
+      torn += Bytes(field) != first;
+    }
+  });
+  for (int step = 0; step < 40; ++step) {
+    DistanceField field = updater.Update(world.map(), world.Step());
+    const std::lock_guard<std::mutex> lock(mutex);
+    latest = std::move(field);
+  }
+  done = true;
+  reader.join();
+  EXPECT_EQ(torn, 0);
 }
 
 TEST(FieldUpdater, SharesTheBlocksThatDidNotChange) {
