@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "server/integration/claimed_space.h"
+#include "server/integration/label_rims.h"
 #include "server/integration/label_split.h"
 #include "server/integration/object_motion.h"
 
@@ -82,8 +83,9 @@ absl::StatusOr<MapUpdate> FrameIntegrator::Integrate(const Frame& frame,
                     options_.min_object_points, map, update.violations);
   if (split.points_X.cols() > 0) {
     const RangeImage image = MakeRangeImage(frame, max_range_m, config.voxel_size_m);
-    const LocalVoxels static_voxels =
-        GatherVoxels(split.points_X, split.static_points, frame.T_W_X, config.voxel_size_m);
+    const LocalVoxels static_voxels = GatherVoxels(
+        split.points_X, WithoutLabelRims(image, split.points_X, std::move(split.static_points)),
+        frame.T_W_X, config.voxel_size_m);
     update.static_surface.band = ObserveBand(static_voxels, image, frame.T_W_X, kStaticWorld,
                                              map.static_map(), options_.band);
     // Free voxels of every cloud go to R^0, never an object's distances.

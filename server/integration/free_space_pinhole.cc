@@ -149,7 +149,11 @@ class Contradictions {
     // Where the stored surface has no direction, the centre stands for it, with more room behind.
     const float beyond = in > 0.f && normal_W.isZero() ? kBeyondUnknownVoxels : kBeyondVoxels;
     const Eigen::Vector3f behind_X = centre_X - view_.R_X_W() * (in * normal_W);
-    const int rays = RaysBeyond(behind_X, beyond * h);
+    int rays = RaysBeyond(behind_X, beyond * h);
+    if (rays == 0 && !normal_W.isZero()) {
+      const float further = (kInsideVoxels - kPenetrationVoxels) * h;
+      rays = RaysBeyond(behind_X - view_.R_X_W() * (further * normal_W), beyond * h);
+    }
     if (rays == 0) return;
     // Edges and poles are seen beside, too: not while the surface itself returns rays.
     const VoxelIndex own = VoxelAt(out.block, offset);

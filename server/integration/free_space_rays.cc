@@ -152,16 +152,20 @@ std::vector<FreeBlock> ObserveFreeSpaceRays(const RangeImage& image, const Pose&
     for (int o = 0; o < kBlockVoxels; ++o) {
       if (sum.passed[o] == 0) continue;
       Set(free.probable, o);
-      if (sum.refuted[o] == 0) continue;
+      if (!Test(sum.held, o)) continue;
       // Edges and poles are passed beside, too: not while the surface itself returns rays.
       const VoxelIndex own = VoxelAt(blocks[i], o);
       const Eigen::Vector3f normal = sum.stored.Normal(o);
-      const VoxelIndex site = own + SurfaceStep(sum.stored.mean(o) * inverse_h, normal);
-      if (returns.Has(own) || returns.Has(site)) continue;
-      Set(free.contradicted, o);
-      if (IsRefuted(static_map, own, site, !normal.isZero(), sum.refuted[o])) {
-        Set(free.refuted, o);
+      const float mean = sum.stored.mean(o) * inverse_h;
+      const VoxelIndex site = own + SurfaceStep(mean, normal);
+      // Rays that graze the cube leave its surface alone, but not what lies behind it.
+      int rays = sum.refuted[o];
+      if (!normal.isZero()) {
+        rays += RayCounts::Passed(counts, own + SurfaceStep(mean + kInsideVoxels, normal));
       }
+      if (rays == 0 || returns.Has(own) || returns.Has(site)) continue;
+      Set(free.contradicted, o);
+      if (IsRefuted(static_map, own, site, !normal.isZero(), rays)) Set(free.refuted, o);
     }
     view.ObserveConfident(free);
     if (sum.stored.empty()) return;

@@ -37,6 +37,15 @@ std::vector<BlockIndex> RayCounts::Blocks(const std::vector<const RayCounts*>& t
   return all;
 }
 
+int RayCounts::Passed(const std::vector<const RayCounts*>& threads, const VoxelIndex& v) {
+  int passed = 0;
+  for (const RayCounts* t : threads) {
+    const auto it = t->blocks_.find(Minus(BlockOf(v), t->base_));
+    if (it != t->blocks_.end()) passed += it->second->passed[OffsetOf(v)];
+  }
+  return passed;
+}
+
 RayCounts::Block RayCounts::Sum(const std::vector<const RayCounts*>& threads,
                                 const BlockIndex& block) {
   Block sum;

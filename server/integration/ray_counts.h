@@ -39,6 +39,7 @@ class RayCounts {
 
   // World indices of all blocks that any thread touched, in order.
   static std::vector<BlockIndex> Blocks(const std::vector<const RayCounts*>& threads);
+  static int Passed(const std::vector<const RayCounts*>& threads, const VoxelIndex& v);
   static Block Sum(const std::vector<const RayCounts*>& threads, const BlockIndex& block);
 
  private:

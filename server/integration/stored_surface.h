@@ -65,5 +65,7 @@ bool IsRefuted(const SurfaceMap& map, const VoxelIndex& own, const VoxelIndex& s
 
 // How far a ray has to be behind the stored plane to contradict it, in voxels.
 inline constexpr float kPenetrationVoxels = 0.5f;
+// How far behind the plane the voxel is that must not be free, in voxels.
+inline constexpr float kInsideVoxels = 1.25f;
 
 }  // namespace clearance
