@@ -6,7 +6,7 @@
 namespace clearance {
 namespace {
 
-// All in voxels.
+// Lengths in voxels.
 constexpr float kNearPlane = 0.7f;  // so near, the plane's own signed distance is the better one
 constexpr float kPlaneDecides = 0.35f;  // so near, the plane decides the sign as well
 constexpr float kSightTolerance = 2.f;  // unless the sensor looked this far past the point
@@ -14,6 +14,10 @@ constexpr float kAcrossTolerance = 0.5f;
 constexpr float kMostAside = 1.0f;      // of the foot: farther, the plane is an extrapolation
 constexpr float kDeepest = 1.75f;       // what lies deeper behind a surface says nothing about it
 constexpr float kDeepestAtEdge = 0.6f;  // behind a silhouette the surface turns away or ends
+
+constexpr float kGuessDepth = 0.5f;
+constexpr float kGuessAgainstSeen = 0.1f;  // factor
+constexpr float kMostGuessed = 2.f;        // weight
 
 float Signed(bool outside, float distance_m) { return outside ? distance_m : -distance_m; }
 
@@ -52,6 +56,13 @@ std::optional<BandValue> DecideBandValue(const Sight& sight, float along_normal_
   }
   if (!(out.weight > 0)) return std::nullopt;
   return out;
+}
+
+float GuessedWeight(const BandValue& value, float stored_mean_m, float stored_weight,
+                    float voxel_size_m) {
+  if (value.distance_m > -kGuessDepth * voxel_size_m || stored_weight <= 0) return value.weight;
+  if (stored_mean_m > 0) return kGuessAgainstSeen * value.weight;
+  return std::min(value.weight, std::max(0.f, kMostGuessed - stored_weight));
 }
 
 }  // namespace clearance

@@ -21,4 +21,11 @@ std::optional<BandValue> DecideBandValue(const Sight& sight, float along_normal_
                                          float cos_view, float variance, uint16_t id,
                                          float voxel_size_m);
 
+// Seen from one side only, what lies deeper than half a voxel behind a surface is a guess. Weight
+// of such an observation, given what is stored in the voxel (weight 0: nothing): guesses do not
+// pile up, so that a single look past the edge outweighs many of them, and hardly count where the
+// voxel was seen from its outside. Other observations keep their weight.
+float GuessedWeight(const BandValue& value, float stored_mean_m, float stored_weight,
+                    float voxel_size_m);
+
 }  // namespace clearance

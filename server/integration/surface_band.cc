@@ -32,12 +32,13 @@ struct BlockResult {
 class BandObserver {
  public:
   BandObserver(const LocalVoxels& voxels, const RangeImage& image, const Pose& T_M_X, ObjectId id,
-               double noise_m, const BandOptions& options)
+               const SurfaceMap& existing, double noise_m, const BandOptions& options)
       : voxels_(voxels),
         image_(image),
         T_M_X_(T_M_X),
         T_X_M_(T_M_X.inverse()),
         id_(id),
+        existing_(existing),
         options_(options),
         table_(voxels),
         fields_(voxels, table_, T_M_X.translation(), noise_m, options.gp),
@@ -62,12 +63,18 @@ class BandObserver {
       EvaluateGroup(block, tests.data() + i, end - i, values);
       i = end;
     }
+    const float* mean = existing_.MeanBlock(block);
+    const float* weight = existing_.WeightBlock(block);
     BlockResult out;
     for (int o = 0; o < kBlockVoxels; ++o) {
       if (!(values[o].weight > 0)) continue;
+      const float w = weight ? GuessedWeight(values[o], mean[o], weight[o],
+                                             static_cast<float>(voxels_.voxel_size_m))
+                             : values[o].weight;
+      if (!(w > 0)) continue;
       out.offset.push_back(static_cast<uint16_t>(o));
       out.distance_m.push_back(values[o].distance_m);
-      out.weight.push_back(values[o].weight);
+      out.weight.push_back(w);
     }
     return out;
   }
@@ -111,6 +118,7 @@ class BandObserver {
   const RangeImage& image_;
   const Pose T_M_X_, T_X_M_;
   const ObjectId id_;
+  const SurfaceMap& existing_;
   const BandOptions& options_;
   const BlockTable table_;
   const SurfaceFields fields_;
@@ -120,13 +128,12 @@ class BandObserver {
 }  // namespace
 
 BandObservations ObserveBand(const LocalVoxels& voxels, const RangeImage& image, const Pose& T_M_X,
-                             ObjectId id, const SurfaceMap& /*existing*/,
-                             const BandOptions& options) {
+                             ObjectId id, const SurfaceMap& existing, const BandOptions& options) {
   BandObservations out;
   if (voxels.empty()) return out;
   const double noise_m = EstimateNoise(image);
   const LocalVoxels surface = WithBridges(voxels, image, T_M_X, id, noise_m);
-  const BandObserver observer(surface, image, T_M_X, id, noise_m, options);
+  const BandObserver observer(surface, image, T_M_X, id, existing, noise_m, options);
   const std::vector<BlockIndex> blocks = BandBlocksOf(surface, observer.reach_voxels());
   std::vector<BlockResult> results(blocks.size());
   tbb::parallel_for(size_t{0}, blocks.size(),
