@@ -54,6 +54,23 @@ void ClipToBounds(std::vector<FreeBlock>& free, const Aabb& bounds, double h) {
   });
 }
 
+// Surface between clipped points (bridged gaps) may still lie outside the map's bounds.
+void ClipToBounds(BandObservations& band, const Aabb& bounds, double h) {
+  BandObservations kept;
+  for (const BandObservations::Block& b : band.blocks) {
+    const uint32_t begin = kept.offset.size();
+    for (uint32_t i = b.begin; i < b.end; ++i) {
+      if (!bounds.contains(VoxelCentre(VoxelAt(b.block, band.offset[i]), h))) continue;
+      kept.offset.push_back(band.offset[i]);
+      kept.distance_m.push_back(band.distance_m[i]);
+      kept.weight.push_back(band.weight[i]);
+    }
+    const uint32_t end = kept.offset.size();
+    if (end > begin) kept.blocks.push_back({b.block, begin, end});
+  }
+  band = std::move(kept);
+}
+
 }  // namespace
 
 IntegratorOptions IntegratorOptions::For(const MapConfig& config) {
@@ -94,6 +111,7 @@ absl::StatusOr<MapUpdate> FrameIntegrator::Integrate(const Frame& frame,
     update.static_surface.free =
         ObserveFreeSpace(image, frame.T_W_X, static_voxels, map.static_map(), free_space);
     if (config.bounds) {
+      ClipToBounds(update.static_surface.band, *config.bounds, config.voxel_size_m);
       ClipToBounds(update.static_surface.free, *config.bounds, config.voxel_size_m);
     }
 

@@ -156,10 +156,11 @@ TEST_P(FreeSpaceOfScene, AgreesWithWalkedRays) {
   EXPECT_GE(m.visible_found, 0.97 * m.visible) << "what some view looked past is found";
   // A camera asks for the centre: at the border of a few views, rays pass beside it. Of a cloud,
   // rays that end just beyond a cube stop before they leave it.
-  EXPECT_GE(m.found, (lidar ? 0.985 : 0.92) * m.oracle) << "what three rays passed is found";
+  EXPECT_GE(m.found, (lidar ? 0.985 : 0.91) * m.oracle) << "what three rays passed is found";
   EXPECT_LE(m.unsupported, 0.005 * m.probable) << "what no ray passed is not free";
-  // Rays do pass through the outer part of cubes that are mostly solid; walked rays say so.
-  EXPECT_LE(m.in_solid, (lidar ? 0.01 : 0.002) * m.probable);
+  // Rays do pass through the outer part of cubes that are mostly solid, a lidar's more often, where
+  // they graze floor and walls; walked rays say so, and the fused surface outranks it.
+  EXPECT_LE(m.in_solid, (lidar ? 0.025 : 0.002) * m.probable);
   EXPECT_GT(m.confident, 0.2 * m.probable);
   EXPECT_LE(m.unsure, 0.0005 * m.confident);
   EXPECT_EQ(m.sure_in_solid, 0) << "wholly seen cubes hold no surface";
@@ -169,7 +170,7 @@ TEST_P(FreeSpaceOfScene, KeepsOutOfSolidsUnderNoise) {
   if (std::get<2>(GetParam()) == 1) GTEST_SKIP() << "once a scene is enough";
   const Marks m = Measure(Scene(), {std::get<1>(GetParam()), 0.02});
   EXPECT_GE(m.visible_found, 0.97 * m.visible);
-  EXPECT_LE(m.in_solid, (std::get<1>(GetParam()) ? 0.01 : 0.003) * m.probable);
+  EXPECT_LE(m.in_solid, (std::get<1>(GetParam()) ? 0.025 : 0.003) * m.probable);
   EXPECT_LE(m.sure_in_solid, 0.0005 * m.confident);
 }
 

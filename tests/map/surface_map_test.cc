@@ -111,7 +111,7 @@ TEST(SurfaceMap, ReleasedSurfaceIsGoneBeforeTheFramesOwnBandIsFused) {
   EXPECT_FLOAT_EQ(MeanAt(map, {1, 2, 4}), -0.02f);
 }
 
-TEST(SurfaceMap, SurfaceThatRaysKeepGoingThroughVanishesHoweverOftenItWasSeen) {
+TEST(SurfaceMap, RefutedSurfaceVanishesHoweverOftenItWasSeenAndContradictedSurfaceStays) {
   SurfaceMap map(0.1);
   SurfaceUpdate seen;
   seen.band = BandOf({{{-1, -1, -1}, {0.01f, 1.f}}});
@@ -120,7 +120,10 @@ TEST(SurfaceMap, SurfaceThatRaysKeepGoingThroughVanishesHoweverOftenItWasSeen) {
   through.free.push_back({BlockIndex{-1, -1, -1}, {}, {}, {}});
   Set(through.free[0].contradicted, OffsetOf({-1, -1, -1}));
   Set(through.free[0].probable, OffsetOf({-1, -1, -1}));
-  for (int i = 0; i < 3; ++i) map.Apply(through, {});
+  map.Apply(through, {});
+  EXPECT_GT(WeightAt(map, {-1, -1, -1}), 0);
+  Set(through.free[0].refuted, OffsetOf({-1, -1, -1}));
+  map.Apply(through, {});
   EXPECT_EQ(WeightAt(map, {-1, -1, -1}), 0);
 }
 
