@@ -15,6 +15,9 @@ mkdir -p "$build"
 build=$(cd "$build" && pwd)
 read -r -a more <<<"${CLEARANCE_CMAKE_ARGS-}" || true
 
+# Several checkouts share what ccache keeps.
+export CCACHE_BASEDIR="$root" CCACHE_NOHASHDIR=1
+
 cmake -S "$root" -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Release \
   -DCLEARANCE_SANITIZE="$sanitize" ${more[@]+"${more[@]}"} >&2
 cmake --build "$build" --parallel "${CLEARANCE_JOBS:-$(nproc)}" ${1:+--target "$@"} >&2
