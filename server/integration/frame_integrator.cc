@@ -106,7 +106,7 @@ absl::StatusOr<MapUpdate> FrameIntegrator::Integrate(const Frame& frame, const W
       FollowObjects(frame, split.points_X, std::move(split.object_points),
                     options_.min_object_points, map, update.violations);
   laps.Lap("split");
-  if (split.points_X.cols() > 0) {
+  if (!split.empty()) {
     const RangeImage image = MakeRangeImage(frame, max_range_m, config.voxel_size_m);
     const LocalVoxels static_voxels = GatherVoxels(
         split.points_X, WithoutLabelRims(image, split.points_X, std::move(split.static_points)),
@@ -128,13 +128,13 @@ absl::StatusOr<MapUpdate> FrameIntegrator::Integrate(const Frame& frame, const W
 
     // Each object in its own frame: points to L first, voxels and band there, surface to R^j.
     int seen = 0;
+    const StaticReturns returns(static_voxels);
     for (ObjectTask& task : tasks) {
       if (task.points.empty()) continue;
       ++seen;
       const LocalVoxels claimed =
           GatherVoxels(split.points_X, task.points, frame.T_W_X, config.voxel_size_m);
-      Append(update.static_surface.released,
-             ReleaseClaimed(claimed, static_voxels, map.static_map()));
+      Append(update.static_surface.released, ReleaseClaimed(claimed, returns, map.static_map()));
       if (!task.integrate) continue;
       const Pose T_L_X = task.update.T_W_L.inverse() * frame.T_W_X;
       const LocalVoxels voxels =
