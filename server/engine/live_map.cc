@@ -1,7 +1,6 @@
 #include "server/engine/live_map.h"
 
 #include <algorithm>
-#include <chrono>
 #include <set>
 
 #include "absl/strings/str_format.h"
@@ -14,21 +13,6 @@
 namespace clearance {
 namespace {
 
-// Appends the time since the last lap under a name.
-class Laps {
- public:
-  explicit Laps(StageTimes* out) : out_(out) {}
-  void Lap(const char* stage) {
-    const auto now = std::chrono::steady_clock::now();
-    out_->emplace_back(stage, std::chrono::duration<double, std::milli>(now - last_).count());
-    last_ = now;
-  }
-
- private:
-  StageTimes* out_;
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
-};
-
 bool Contains(const RegionEdit& edit, const Eigen::Vector3d& p_W) {
   if (edit.box) return edit.box->contains(p_W);
   return (p_W - *edit.sphere_centre).norm() <= edit.sphere_radius_m;
@@ -36,8 +20,9 @@ bool Contains(const RegionEdit& edit, const Eigen::Vector3d& p_W) {
 
 }  // namespace
 
-LiveMap::LiveMap(const MapConfig& config)
+LiveMap::LiveMap(const MapConfig& config, StageClock clock)
     : config_(config),
+      clock_(clock),
       integrator_(IntegratorOptions::For(config)),
       world_(config),
       updater_(config, world_.fusion()),
@@ -45,10 +30,10 @@ LiveMap::LiveMap(const MapConfig& config)
 
 absl::StatusOr<MapModel::Integrated> LiveMap::Integrate(const Frame& frame) {
   Integrated result;
-  Laps laps(&result.stages);
-  absl::StatusOr<MapUpdate> update = integrator_.Integrate(frame, world_);
+  StageLaps laps(&result.stages, clock_);
+  absl::StatusOr<MapUpdate> update = integrator_.Integrate(frame, world_, laps);
   if (!update.ok()) return update.status();
-  laps.Lap("integrate");
+  laps.Whole("integrate");
   const AppliedChanges changes = world_.Apply(*update);
   laps.Lap("apply");
   UpdateField(changes);

@@ -16,7 +16,7 @@ namespace clearance {
 
 class LiveMap final : public MapModel {
  public:
-  explicit LiveMap(const MapConfig& config);
+  explicit LiveMap(const MapConfig& config, StageClock clock = WallMs);
 
   absl::StatusOr<Integrated> Integrate(const Frame& frame) override;
   absl::StatusOr<Edited> Edit(const RegionEdit& edit) override;
@@ -37,6 +37,7 @@ class LiveMap final : public MapModel {
   ObjectView ViewOf(const ObjectSubmap& object, int64_t stamp_ns) const;
 
   const MapConfig config_;
+  const StageClock clock_;
   const FrameIntegrator integrator_;
   WorldMap world_;
   FieldUpdater updater_;
