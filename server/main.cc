@@ -54,6 +54,7 @@ clearance::RegistryOptions RegistryOptionsOf(const clearance::ServerConfig& conf
   options.model = clearance::LiveMapFactory();
   options.max_maps = config.max_maps;
   options.engine.queue_frames = config.queue_frames;
+  options.engine.kept_revisions = 3;  // each holds the blocks that the next ones replaced
   return options;
 }
 

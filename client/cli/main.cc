@@ -3,6 +3,7 @@
 #include <iostream>
 #include <string>
 
+#include "client/cli/bench.h"
 #include "client/cli/context.h"
 #include "client/cli/print.h"
 
@@ -39,7 +40,7 @@ int Main(int argc, char** argv) {
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   for (const auto add : {AddIngest, AddQuery, AddObjects, AddInfo, AddSlice, AddMesh, AddGrid,
-                         AddHealth, AddMap, AddVersion}) {
+                         AddHealth, AddMap, AddBench, AddVersion}) {
     add(app, context);
   }
   for (CLI::App* command : app.get_subcommands({})) {

@@ -146,6 +146,45 @@ TEST_F(LiveCommand, InfoTellsOfServerMapAndSource) {
   EXPECT_THAT(Clearance("info --map room").out, HasSubstr("revision"));
 }
 
+TEST_F(LiveCommand, BenchCountsCallsAndKeepsTheirLatencies) {
+  const Outcome run =
+      Clearance("bench query --map room --points 200 --clients 2 --seconds 0.3 --edges --json");
+  ASSERT_EQ(run.exit_code, 0) << Err();
+  const Json json = Json::parse(run.out);
+  const Json& latency = json["latency"];
+  EXPECT_GT(latency["count"].get<int>(), 2);
+  EXPECT_LE(latency["p50_ms"].get<double>(), latency["p99_ms"].get<double>());
+  EXPECT_LE(latency["p99_ms"].get<double>(), latency["max_ms"].get<double>());
+  int binned = 0;
+  for (const Json& bin : latency["histogram"]) binned += bin["count"].get<int>();
+  EXPECT_EQ(binned, latency["count"].get<int>());
+  // 20 calls a second and client for 0.5 s, whatever the server does.
+  const Json paced =
+      Json::parse(Clearance("bench query --map room --rate 20 --seconds 0.5 --json").out);
+  EXPECT_EQ(paced["latency"]["count"], 10);
+  EXPECT_THAT(Clearance("bench query --map room --seconds 0.1").out, HasSubstr("calls/s"));
+  EXPECT_EQ(Clearance("bench query --map nowhere --seconds 0.1").exit_code, 3);
+}
+
+TEST_F(LiveCommand, BenchIngestsIntoAMapOfItsOwnAndLeavesNone) {
+  const auto maps = [] {
+    std::vector<std::string> names;
+    const auto client = server_->Connect();
+    for (const MapInfo& info : client->ListMaps().value()) names.push_back(info.map);
+    return names;
+  };
+  const auto before = maps();
+  const Outcome run = Clearance("bench ingest --json " + Path("room"));
+  ASSERT_EQ(run.exit_code, 0) << Err();
+  const Json json = Json::parse(run.out);
+  EXPECT_EQ(json["sent_to_integrated"]["count"], 6);
+  EXPECT_EQ(json["not_integrated"], 0);
+  EXPECT_GE(json["sent_to_integrated"]["max_ms"].get<double>(),
+            json["integration"]["max_ms"].get<double>());
+  EXPECT_EQ(maps(), before);
+  EXPECT_EQ(Clearance("bench ingest /no/such/folder").exit_code, 3);
+}
+
 TEST_F(LiveCommand, SliceDrawsAPicture) {
   const Outcome run = Clearance("slice --map room --z 0.1 --json --out " + Path("slice.png"));
   ASSERT_EQ(run.exit_code, 0) << Err();
