@@ -5,6 +5,7 @@
 
 #include "client/cli/context.h"
 #include "client/cli/print.h"
+#include "client/cli/watch.h"
 
 namespace clearance::cli {
 namespace {
@@ -39,7 +40,7 @@ int Main(int argc, char** argv) {
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   for (const auto add : {AddIngest, AddQuery, AddObjects, AddInfo, AddSlice, AddMesh, AddGrid,
-                         AddHealth, AddMap, AddVersion}) {
+                         AddHealth, AddMap, AddWatch, AddVersion}) {
     add(app, context);
   }
   for (CLI::App* command : app.get_subcommands({})) {
