@@ -6,6 +6,7 @@
 #include "client/cli/bench.h"
 #include "client/cli/context.h"
 #include "client/cli/print.h"
+#include "client/cli/watch.h"
 
 namespace clearance::cli {
 namespace {
@@ -40,7 +41,7 @@ int Main(int argc, char** argv) {
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   for (const auto add : {AddIngest, AddQuery, AddObjects, AddInfo, AddSlice, AddMesh, AddGrid,
-                         AddHealth, AddMap, AddBench, AddVersion}) {
+                         AddHealth, AddMap, AddBench, AddWatch, AddVersion}) {
     add(app, context);
   }
   for (CLI::App* command : app.get_subcommands({})) {

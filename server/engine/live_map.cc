@@ -8,7 +8,7 @@
 #include "server/esdf/site_extraction.h"
 #include "server/map/surface_grids.h"
 #include "server/query/object_index.h"
-#include "server/query/object_tree.h"
+#include "server/query/site_following.h"
 
 namespace clearance {
 namespace {
@@ -77,8 +77,8 @@ void LiveMap::UpdateShapes(const AppliedChanges& changes) {
     const ObjectSubmap& object = it->second;
     std::shared_ptr<const ObjectShape>& shape = shapes_[{object.id(), object.generation()}];
     if (shape && changed.blocks.empty()) continue;
-    shape = BuildObjectShape(ExtractSurfaceSites(object.surface(), world_.fusion()),
-                             config_.voxel_size_m);
+    shape = FollowSites(shape, ExtractSurfaceSites(object.surface(), world_.fusion()),
+                        config_.voxel_size_m);
   }
   MarkMeshes(changes);
   if (shapes_.size() > world_.objects().size() + world_.retired().size()) ForgetEvicted();

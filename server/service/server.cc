@@ -44,7 +44,8 @@ struct ClearanceServer::Services {
         query(context),
         map(context, &sessions, std::move(serving_changed)),
         exports(context),
-        admin(context) {}
+        admin(context),
+        watch(context) {}
 
   std::array<grpc::Service*, 7> All() {
     return {&ingest, &query, &map, &exports, &admin, &watch, &snapshot};
@@ -111,11 +112,11 @@ absl::Status ClearanceServer::Listen() {
   if (!options_.socket.empty()) addresses_.push_back("unix:" + options_.socket);
 
   grpc::HealthCheckServiceInterface* health = services_->grpc->GetHealthCheckService();
-  for (const char* name : {"Ingest", "Query", "Map", "Export", "Admin"}) {
+  for (const char* name : {"Ingest", "Query", "Map", "Export", "Admin", "Watch"}) {
     health->SetServingStatus(absl::StrFormat("clearance.v1.%sService", name), true);
   }
   // Declared, but not offered yet.
-  for (const char* name : {"Watch", "Snapshot"}) {
+  for (const char* name : {"Snapshot"}) {
     health->SetServingStatus(absl::StrFormat("clearance.v1.%sService", name), false);
   }
   for (const MapRegistry::EnginePtr& engine : context_.registry->List()) {

@@ -1,18 +1,24 @@
-// WatchService and SnapshotService: declared, not offered yet.
+// WatchService, and SnapshotService: declared, not offered yet.
 #pragma once
 
 #include "clearance/v1/snapshot.grpc.pb.h"
 #include "clearance/v1/watch.grpc.pb.h"
 #include "server/service/unimplemented.h"
+#include "server/service/watch_hub.h"
 
 namespace clearance {
 
 class WatchServiceImpl final : public v1::WatchService::CallbackService {
  public:
-  grpc::ServerWriteReactor<v1::WatchMapResponse>* WatchMap(grpc::CallbackServerContext*,
-                                                           const v1::WatchMapRequest*) override {
-    return WritesNotOffered<v1::WatchMapResponse>("WatchMap");
+  explicit WatchServiceImpl(ServiceContext* service) : hub_(service) {}
+
+  grpc::ServerWriteReactor<v1::WatchMapResponse>* WatchMap(
+      grpc::CallbackServerContext*, const v1::WatchMapRequest* request) override {
+    return hub_.Start(*request);
   }
+
+ private:
+  WatchHub hub_;
 };
 
 class SnapshotServiceImpl final : public v1::SnapshotService::CallbackService {

@@ -185,6 +185,26 @@ TEST_F(LiveCommand, BenchIngestsIntoAMapOfItsOwnAndLeavesNone) {
   EXPECT_EQ(Clearance("bench ingest /no/such/folder").exit_code, 3);
 }
 
+TEST_F(LiveCommand, WatchPrintsALineForWhatTheMapTells) {
+  const Outcome text = Clearance("watch --map room --count 1");
+  EXPECT_EQ(text.exit_code, 0) << text.out;
+  EXPECT_THAT(text.out, HasSubstr("checkpoint"));
+  EXPECT_THAT(text.out, HasSubstr("revision      6"));
+  const Outcome run = Clearance("watch --map room --count 1 --json");
+  ASSERT_EQ(run.exit_code, 0) << run.out;
+  const Json line = Json::parse(run.out);
+  EXPECT_EQ(line["kind"], "checkpoint");
+  EXPECT_EQ(line["stamp"]["revision"], 6);
+  EXPECT_GT(line["blocks"], 10);
+  EXPECT_GT(line["block_bytes"], 1000);
+  ASSERT_EQ(line["objects"].size(), 1u);
+  EXPECT_EQ(line["objects"][0]["object_id"], 7);
+  const Outcome poses = Clearance("watch --map room --count 1 --json --poses-only");
+  EXPECT_EQ(Json::parse(poses.out)["blocks"], 0);
+  EXPECT_EQ(Clearance("watch --map nowhere").exit_code, 3);
+  EXPECT_EQ(Clearance("watch --max-rate -1").exit_code, 2);
+}
+
 TEST_F(LiveCommand, SliceDrawsAPicture) {
   const Outcome run = Clearance("slice --map room --z 0.1 --json --out " + Path("slice.png"));
   ASSERT_EQ(run.exit_code, 0) << Err();

@@ -8,7 +8,7 @@ from clearance import arrays
 from clearance.errors import ClearanceError
 from clearance.ingest import IngestStream
 from clearance.v1 import (common_pb2, ingest_pb2_grpc, map_pb2, map_pb2_grpc, query_pb2,
-                          query_pb2_grpc)
+                          query_pb2_grpc, watch_pb2, watch_pb2_grpc)
 
 _MAX_MESSAGE_BYTES = 16 << 20
 
@@ -43,6 +43,7 @@ class Client:
                 "is clearance_server running there?") from None
         self._query = query_pb2_grpc.QueryServiceStub(self._channel)
         self._maps = map_pb2_grpc.MapServiceStub(self._channel)
+        self._watch = watch_pb2_grpc.WatchServiceStub(self._channel)
         self._ingest = ingest_pb2_grpc.IngestServiceStub(self._channel)
 
     def close(self):
@@ -90,6 +91,35 @@ class Client:
 
     def map_info(self):
         return self._call(self._maps.GetMap, map_pb2.GetMapRequest(map=self.map)).info
+
+    def watch(self, max_rate_hz=0.0):
+        """Follows the objects' poses; yields (stamp, objects) for each revision.
+
+        stamp is the MapStamp; objects maps (object_id, generation) to its ObjectBrief, all that
+        the map remembers. Ends with ClearanceError where the map is deleted or the server stops.
+        """
+        request = watch_pb2.WatchMapRequest(map=self.map, max_rate_hz=max_rate_hz, poses_only=True)
+        call = self._watch.WatchMap(request)
+        objects = {}
+        try:
+            for message in call:
+                kind = message.WhichOneof("message")
+                if kind == "hello":
+                    if not message.hello.resumes:
+                        objects = {}
+                    continue
+                part = getattr(message, kind)
+                for state in part.objects:
+                    objects[state.brief.object_id, state.brief.generation] = state.brief
+                if kind == "delta":
+                    for key in part.evicted_objects:
+                        objects.pop((key.object_id, key.generation), None)
+                if part.last_part:
+                    yield message.stamp, dict(objects)
+        except grpc.RpcError as error:
+            raise ClearanceError(error.code(), error.details()) from None
+        finally:
+            call.cancel()
 
     def ingest(self, source_id="", max_range_m=0.0):
         """Opens a source's stream; see IngestStream."""
