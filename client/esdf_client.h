@@ -52,7 +52,8 @@ class EsdfClient {
   absl::StatusOr<MapStamp> EditRegion(const std::string& map, const wire::EditRegion& edit) const;
 
   // Snapshots of a map on the server's disk; an empty id is named by the server. Restoring starts a
-  // new epoch and ends the map's ingest streams. FAILED_PRECONDITION where the server keeps nothing.
+  // new epoch and ends the map's ingest streams. FAILED_PRECONDITION where the server keeps
+  // nothing.
   absl::StatusOr<SnapshotInfo> CreateSnapshot(const std::string& map,
                                               const std::string& snapshot_id = "",
                                               const std::string& comment = "") const;

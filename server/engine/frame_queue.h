@@ -16,7 +16,7 @@ namespace clearance {
 
 struct QueuedFrame {
   Frame frame;
-  std::string encoded;  // as it goes to the log; empty where there is none
+  std::string encoded;                // as it goes to the log; empty where there is none
   std::vector<Violation> rejections;  // not empty: settles as REJECTED when its turn comes
   FrameCallback done;
   std::chrono::steady_clock::time_point queued_at;

@@ -71,7 +71,6 @@ absl::Status MapRegistry::Recover(const std::function<void(const std::string&)>&
     absl::StatusOr<MapState> state = RecoverMap(**folder, Recovery(), &notes);
     for (const std::string& text : notes) note(text);
     if (!state.ok()) return state.status();
-    // The server's present limits and defaults hold for what is no part of the map.
     recovered.emplace(id, std::make_shared<MappingEngine>(id, *std::move(state), *std::move(folder),
                                                           NewEpoch(), &timers_, options_.engine));
   }

@@ -147,10 +147,10 @@ class MappingEngine {
   const std::shared_ptr<MapFolder> folder_;
   const std::shared_ptr<FrameLog> log_;
   std::unique_ptr<MapModel> model_;  // mapping thread only
-  uint64_t log_index_ = 0;                 // mapping thread only
+  uint64_t log_index_ = 0;           // mapping thread only
   // Rejections that found no room in the log; they go first once there is. Mapping thread only.
   std::deque<LogRecord> unlogged_;
-  Clock::time_point sizes_at_;             // mapping thread only
+  Clock::time_point sizes_at_;  // mapping thread only
   std::shared_ptr<MapStore> store_;
 
   mutable Mutex mu_;

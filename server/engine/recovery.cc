@@ -39,8 +39,7 @@ absl::Status ApplyFrame(MapState& state, const LogRecord& record, const Recovery
   const FrameAck::Status status = !integrated ? FrameAck::Status::kRejected
                                   : stripped  ? FrameAck::Status::kDropped
                                               : FrameAck::Status::kIntegrated;
-  Settle(state, frame->source_id, frame->frame_id, frame->stamp_ns, status,
-         options.settled_window);
+  Settle(state, frame->source_id, frame->frame_id, frame->stamp_ns, status, options.settled_window);
   return absl::OkStatus();
 }
 

@@ -68,8 +68,8 @@ absl::Status Snapshotter::Create(const std::shared_ptr<MappingEngine>& engine,
   }
   const absl::Status known = folder->FindSnapshot(snapshot_id).status();
   if (!absl::IsNotFound(known)) {
-    return absl::AlreadyExistsError(absl::StrFormat("snapshot '%s' of map '%s' exists already",
-                                                    snapshot_id, engine->id()));
+    return absl::AlreadyExistsError(
+        absl::StrFormat("snapshot '%s' of map '%s' exists already", snapshot_id, engine->id()));
   }
   {
     MutexLock lock(&mu_);
@@ -90,17 +90,18 @@ absl::Status Snapshotter::Create(const std::shared_ptr<MappingEngine>& engine,
   job.manifest.config = EncodeMapConfig(engine->config());
   job.manifest.created_unix_ns = absl::ToUnixNanos(now);
   auto shared = std::make_shared<Job>(std::move(job));
-  absl::Status posted = engine->Freeze([this, shared](absl::StatusOr<MappingEngine::Frozen> frozen) {
-    if (frozen.ok()) {
-      shared->frozen = *std::move(frozen);
-      return Enqueue(std::move(*shared));
-    }
-    {
-      MutexLock lock(&mu_);
-      --pending_;
-    }
-    shared->done(frozen.status());
-  });
+  absl::Status posted =
+      engine->Freeze([this, shared](absl::StatusOr<MappingEngine::Frozen> frozen) {
+        if (frozen.ok()) {
+          shared->frozen = *std::move(frozen);
+          return Enqueue(std::move(*shared));
+        }
+        {
+          MutexLock lock(&mu_);
+          --pending_;
+        }
+        shared->done(frozen.status());
+      });
   if (!posted.ok()) {
     MutexLock lock(&mu_);
     --pending_;
@@ -135,9 +136,8 @@ absl::StatusOr<SnapshotManifest> Snapshotter::Write(Job& job) {
   absl::StatusOr<SnapshotWriter> writer = folder->BeginSnapshot(manifest.snapshot_id);
   if (!writer.ok()) return writer.status();
   if (absl::Status s = writer->Add(kLedgersFile, job.frozen.ledgers); !s.ok()) return s;
-  absl::Status written = job.frozen.model->Write([&](std::string_view name, std::string bytes) {
-    return writer->Add(name, bytes);
-  });
+  absl::Status written = job.frozen.model->Write(
+      [&](std::string_view name, std::string bytes) { return writer->Add(name, bytes); });
   if (!written.ok()) return written;
   if (absl::Status s = writer->Commit(&manifest); !s.ok()) return s;
   folder->Prune(options_.keep);

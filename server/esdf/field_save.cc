@@ -16,8 +16,8 @@ FieldUpdater::Saved FieldUpdater::Save() const {
 }
 
 absl::StatusOr<FieldUpdater> FieldUpdater::Load(const MapConfig& config,
-                                                const FusionOptions& fusion,
-                                                std::string_view table, std::string_view blocks) {
+                                                const FusionOptions& fusion, std::string_view table,
+                                                std::string_view blocks) {
   FieldUpdater updater(config, fusion);
   ByteReader in(table, "distance field");
   for (size_t left = in.GetCount(sizeof(BlockIndex)); left > 0; --left) {

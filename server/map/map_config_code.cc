@@ -28,10 +28,10 @@ absl::StatusOr<MapConfig> DecodeMapConfig(std::string_view bytes) {
   ByteReader in(bytes, "map configuration");
   if (in.Get<uint32_t>() != kVersion) return in.Error("of an unknown version");
   MapConfig config;
-  for (double* value : {&config.voxel_size_m, &config.max_distance_m, &config.truncation_m,
-                        &config.max_range_m, &config.object_lost_after_s,
-                        &config.object_retired_after_s, &config.max_horizon_s,
-                        &config.stale_after_s}) {
+  for (double* value :
+       {&config.voxel_size_m, &config.max_distance_m, &config.truncation_m, &config.max_range_m,
+        &config.object_lost_after_s, &config.object_retired_after_s, &config.max_horizon_s,
+        &config.stale_after_s}) {
     *value = in.Get<double>();
   }
   const bool bounded = in.Get<uint8_t>() != 0;

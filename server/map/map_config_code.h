@@ -1,4 +1,5 @@
-// A map's configuration as bytes, exactly and in a versioned form: for snapshots and the data folder.
+// A map's configuration as bytes, exactly and in a versioned form: for snapshots and the data
+// folder.
 #pragma once
 
 #include <string>

@@ -135,8 +135,7 @@ void ClearanceServer::ShowServing(bool serving) {
   for (const char* name : {"Ingest", "Query", "Map", "Export", "Admin"}) {
     health->SetServingStatus(absl::StrFormat("clearance.v1.%sService", name), serving);
   }
-  health->SetServingStatus("clearance.v1.SnapshotService",
-                           serving && context_.registry->durable());
+  health->SetServingStatus("clearance.v1.SnapshotService", serving && context_.registry->durable());
   // Declared, but not offered yet.
   health->SetServingStatus("clearance.v1.WatchService", false);
 }

@@ -38,8 +38,8 @@ class ClearanceServer {
   std::shared_ptr<grpc::Channel> InProcessChannel();
   // Keeps the health of maps/<id> for maps that are made beside the MapService.
   void SetMapServing(const std::string& map, bool serving);
-  // The registry has recovered its maps: serves from now on. Start does it where there is nothing to
-  // recover.
+  // The registry has recovered its maps: serves from now on. Start does it where there is nothing
+  // to recover.
   void Loaded();
   ServiceContext& context() { return context_; }
 

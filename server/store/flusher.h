@@ -27,9 +27,9 @@ class Flusher {
   const std::chrono::milliseconds period_;
   std::mutex mu_;
   std::condition_variable changed_;
-  bool stopping_ = false;       // guarded by mu_
-  uint64_t next_id_ = 1;        // guarded by mu_
-  uint64_t running_ = 0;        // guarded by mu_: the entry that is being called
+  bool stopping_ = false;  // guarded by mu_
+  uint64_t next_id_ = 1;   // guarded by mu_
+  uint64_t running_ = 0;   // guarded by mu_: the entry that is being called
   std::map<uint64_t, std::function<void()>> entries_;  // guarded by mu_
   std::thread thread_;
 };

@@ -19,8 +19,8 @@ bool AllZero(std::string_view bytes) {
 }
 
 bool EndsInZeros(std::string_view payload) {
-  return !payload.empty() && AllZero(payload.substr(payload.size() -
-                                                    std::min(payload.size(), kSectorBytes)));
+  return !payload.empty() &&
+         AllZero(payload.substr(payload.size() - std::min(payload.size(), kSectorBytes)));
 }
 
 absl::Status CheckHeader(std::string_view bytes, uint64_t lineage, uint64_t first_index) {

@@ -115,7 +115,8 @@ absl::StatusOr<SnapshotManifest> DecodeManifest(std::string_view text) try {
   }
   return m;
 } catch (const std::exception& error) {
-  return absl::DataLossError(absl::StrFormat("the snapshot's manifest is damaged: %s", error.what()));
+  return absl::DataLossError(
+      absl::StrFormat("the snapshot's manifest is damaged: %s", error.what()));
 }
 
 }  // namespace clearance

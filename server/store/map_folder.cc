@@ -77,9 +77,9 @@ absl::StatusOr<std::unique_ptr<MapFolder>> MapFolder::Open(const std::string& pa
   if (!text.ok()) return absl::DataLossError(std::string(text.status().message()));
   const absl::StatusOr<std::string> content = OpenSealedJson("map", *text, kMapVersion);
   if (!content.ok()) {
-    return absl::Status(content.status().code(),
-                        absl::StrFormat("%s%s: %s", path, kMapFile,
-                                        std::string(content.status().message())));
+    return absl::Status(
+        content.status().code(),
+        absl::StrFormat("%s%s: %s", path, kMapFile, std::string(content.status().message())));
   }
   std::unique_ptr<MapFolder> folder(new MapFolder(path, map, options));
   try {
@@ -147,11 +147,11 @@ std::vector<SnapshotManifest> MapFolder::Snapshots(std::vector<std::string>* dam
 absl::StatusOr<SnapshotManifest> MapFolder::FindSnapshot(const std::string& id) const {
   auto manifest = ReadManifest(SnapshotFolder(id));
   if (!absl::IsNotFound(manifest.status())) return manifest;
-  const std::string existing =
-      absl::StrJoin(Snapshots(), ", ",
-                    [](std::string* out, const auto& m) { out->append(m.snapshot_id); });
-  return absl::NotFoundError(absl::StrFormat("snapshot '%s' of map '%s' does not exist. Snapshots: %s",
-                                             id, map_, existing.empty() ? "none" : existing));
+  const std::string existing = absl::StrJoin(
+      Snapshots(), ", ", [](std::string* out, const auto& m) { out->append(m.snapshot_id); });
+  return absl::NotFoundError(
+      absl::StrFormat("snapshot '%s' of map '%s' does not exist. Snapshots: %s", id, map_,
+                      existing.empty() ? "none" : existing));
 }
 
 std::vector<SnapshotManifest> MapFolder::RecoverySnapshots() const {
@@ -224,8 +224,8 @@ absl::Status MapFolder::StartLineage(uint64_t lineage, const SnapshotManifest& b
   std::string old_folder;
   {
     std::lock_guard lock(mu_);
-    const absl::Status replaced = ReplaceFile(
-        path_ + kMapFile, EncodeMapFile(map_, base.config, lineage, base.snapshot_id));
+    const absl::Status replaced =
+        ReplaceFile(path_ + kMapFile, EncodeMapFile(map_, base.config, lineage, base.snapshot_id));
     if (!replaced.ok()) {
       log->reset();
       RemoveAll(LogFolder(lineage)).IgnoreError();

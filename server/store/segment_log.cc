@@ -15,7 +15,8 @@ namespace {
 constexpr std::string_view kSuffix = ".log";
 
 absl::Status InSegment(const absl::Status& status, const std::string& path) {
-  return absl::Status(status.code(), absl::StrFormat("%s: %s", path, std::string(status.message())));
+  return absl::Status(status.code(),
+                      absl::StrFormat("%s: %s", path, std::string(status.message())));
 }
 
 const RecordVisitor kSkip = [](uint64_t, std::string_view) { return absl::OkStatus(); };
@@ -231,8 +232,8 @@ absl::Status SegmentLog::Replay(uint64_t after, const Visitor& visit) {
   for (; it != segments.end(); ++it) {
     const std::string path = PathOf(it->first);
     if (it->first > expected) {
-      return absl::DataLossError(absl::StrFormat("%s: records %d to %d before it are missing",
-                                                 path, expected, it->first - 1));
+      return absl::DataLossError(absl::StrFormat("%s: records %d to %d before it are missing", path,
+                                                 expected, it->first - 1));
     }
     const absl::StatusOr<std::string> bytes = ReadFile(path);
     if (!bytes.ok()) return bytes.status();
@@ -248,17 +249,17 @@ absl::Status SegmentLog::Replay(uint64_t after, const Visitor& visit) {
       continue;
     // Records behind this place were synced before the next segment began: they were damaged, and
     // those of the next ones cannot follow.
-    const std::string why =
-        scan->why.empty() ? absl::StrFormat("ends before record %d", std::next(it)->first)
-                          : scan->why;
+    const std::string why = scan->why.empty()
+                                ? absl::StrFormat("ends before record %d", std::next(it)->first)
+                                : scan->why;
     // A gap that a snapshot covers is none.
     if (std::next(it)->first <= expected && std::next(it)->first <= after + 1) continue;
     if (!options_.recover_damaged) {
       return absl::DataLossError(absl::StrFormat("%s: %s", path, why));
     }
     std::lock_guard lock(mu_);
-    repaired_ = absl::StrFormat("%s: %s; the log ends before it, the rest is kept as .damaged", path,
-                                why);
+    repaired_ =
+        absl::StrFormat("%s: %s; the log ends before it, the rest is kept as .damaged", path, why);
     if (absl::Status s = WriteFileSynced(path + ".damaged", *bytes); !s.ok()) return s;
     for (auto later = std::next(it); later != segments.end(); ++later) {
       const std::string old = PathOf(later->first);

@@ -67,7 +67,7 @@ class SegmentLog final : public FrameLog {
   std::string repaired_;
   uint64_t flush_id_ = 0;
 
-  mutable std::mutex mu_;  // guards all below
+  mutable std::mutex mu_;                  // guards all below
   std::map<uint64_t, uint64_t> segments_;  // bytes by first index; the last is being written
   File file_;
   uint64_t next_index_ = 1;

@@ -70,7 +70,8 @@ TEST(Bytes, EveryTruncationIsNoticedAndAllocatesNoMoreThanTheInput) {
   EXPECT_FALSE(in.ok());
   ByteReader more(bytes, "more");
   more.GetText();
-  EXPECT_THAT(std::string(more.Finish().message()), ::testing::HasSubstr("more: 34 bytes too many"));
+  EXPECT_THAT(std::string(more.Finish().message()),
+              ::testing::HasSubstr("more: 34 bytes too many"));
 }
 
 }  // namespace

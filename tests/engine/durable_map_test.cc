@@ -119,9 +119,8 @@ TEST_F(DurableMapTest, FindsMapsFramesEditsAndSettledIdsAgain) {
   RegionEdit edit;
   edit.sphere_centre = Eigen::Vector3d(1, 2, 3);
   edit.sphere_radius_m = 0.5;
-  ASSERT_TRUE(Map()
-                  ->EditRegion(edit, [&](auto, const RevisionStamp& s) { edited.set_value(s); })
-                  .ok());
+  ASSERT_TRUE(
+      Map()->EditRegion(edit, [&](auto, const RevisionStamp& s) { edited.set_value(s); }).ok());
   EXPECT_EQ(edited.get_future().get().revision, 4u);
   AckLog rejected;
   Map()->SubmitRejected("default", 6, {{"frame", -1, "bad"}}, rejected.Callback());
@@ -166,10 +165,10 @@ TEST_F(DurableMapTest, FramesThatLostTheirPointsComeBackWithoutThem) {
   // 1 and 4 are accepted and integrated, 2 and 3 dropped without a word of durability.
   std::vector<std::pair<uint64_t, Status>> seen;
   for (const FrameAck& ack : acks.Wait(6)) seen.emplace_back(ack.frame_id, ack.status);
-  EXPECT_THAT(seen, ElementsAre(std::pair(1, Status::kAccepted), std::pair(1, Status::kIntegrated),
-                                std::pair(2, Status::kDropped), std::pair(3, Status::kDropped),
-                                std::pair(4, Status::kAccepted),
-                                std::pair(4, Status::kIntegrated)));
+  EXPECT_THAT(seen,
+              ElementsAre(std::pair(1, Status::kAccepted), std::pair(1, Status::kIntegrated),
+                          std::pair(2, Status::kDropped), std::pair(3, Status::kDropped),
+                          std::pair(4, Status::kAccepted), std::pair(4, Status::kIntegrated)));
   ASSERT_TRUE(Start().ok());
   EXPECT_THAT(log_->integrated, ElementsAre(1, 2, 3, 4));
   EXPECT_THAT(log_->integrated_points, ElementsAre(1, 0, 0, 1));
@@ -237,8 +236,7 @@ TEST_F(DurableMapTest, ARestoreIsANewEpochThatForgetsWhatCameAfter) {
   ASSERT_TRUE(Snapshot("six").ok());
   const MapRegistry::EnginePtr old = Map();
   int swaps = 0;
-  EXPECT_TRUE(absl::IsNotFound(
-      registry_->RestoreSnapshot("m", "four", [&] { ++swaps; }).status()));
+  EXPECT_TRUE(absl::IsNotFound(registry_->RestoreSnapshot("m", "four", [&] { ++swaps; }).status()));
   const auto restored = registry_->RestoreSnapshot("m", "three", [&] {
     ++swaps;
     EXPECT_TRUE(absl::IsUnavailable(registry_->Get("m").status()));
@@ -250,7 +248,9 @@ TEST_F(DurableMapTest, ARestoreIsANewEpochThatForgetsWhatCameAfter) {
   EXPECT_EQ(Map()->Latest()->revision, 3u);
   EXPECT_EQ(Map()->LastSettledId("default"), 3u);
   std::string encoded = Encode(FakeFrame(7));
-  EXPECT_EQ(old->Submit(FakeFrame(7), [](const FrameAck&) {}, &encoded), Admission::kStopped);
+  EXPECT_EQ(old->Submit(
+                FakeFrame(7), [](const FrameAck&) {}, &encoded),
+            Admission::kStopped);
   Send(FakeFrame(5));
 
   // Also after a crash: three, then 5; never what was there before the restore.

@@ -41,8 +41,8 @@ inline Frame MovingSceneFrame(int k, const std::string& source = "camera") {
   camera.fx = camera.fy = 80;
   camera.cx = 79.5;
   camera.cy = 59.5;
-  frame.observation = AnalyticScene("moving", solids).RenderDepth(frame.T_W_X, camera, 0.004,
-                                                                  static_cast<uint32_t>(k));
+  frame.observation = AnalyticScene("moving", solids)
+                          .RenderDepth(frame.T_W_X, camera, 0.004, static_cast<uint32_t>(k));
   const auto moved = [&](uint16_t id, const Eigen::Vector3d& step, const char* class_name) {
     ObjectMotion motion;
     motion.object_id = ObjectId(id);

@@ -3,8 +3,8 @@
 
 #include <sstream>
 
-#include "server/engine/live_map.h"
 #include "server/core/crc32c.h"
+#include "server/engine/live_map.h"
 #include "tests/service/service_fixture.h"
 
 namespace clearance {

@@ -63,12 +63,17 @@ class Run {
         socket_(folder_ / "socket"),
         rounds_(rounds),
         random_(seed),
-        server_(binary,
-                {"--listen", "127.0.0.1:0", "--socket", socket_, "--http", "off", "--store",
-                 folder_ / "data", "--set", "map.voxel_size_m=0.15", "--set",
-                 "map.max_distance_m=2", "--set", "map.object_lost_after_s=0.2", "--set",
-                 "store.segment_bytes=300000", "--set", "store.snapshot_period_s=0.35", "--set",
-                 "store.keep_snapshots=2", "--set", "store.fsync=" + sync},
+        server_(binary, {"--listen", "127.0.0.1:0",
+                         "--socket", socket_,
+                         "--http",   "off",
+                         "--store",  folder_ / "data",
+                         "--set",    "map.voxel_size_m=0.15",
+                         "--set",    "map.max_distance_m=2",
+                         "--set",    "map.object_lost_after_s=0.2",
+                         "--set",    "store.segment_bytes=300000",
+                         "--set",    "store.snapshot_period_s=0.35",
+                         "--set",    "store.keep_snapshots=2",
+                         "--set",    "store.fsync=" + sync},
                 folder_ / "log") {
     std::filesystem::create_directories(folder_);
     config_.voxel_size_m = 0.15;
@@ -105,8 +110,8 @@ class Run {
     sender.join();
     const size_t twice = Compare();
     std::cout << rounds_ << " of " << rounds_ << " kills survived: " << sent_ << " frames and "
-              << edits_.size() << " edits, " << acked_.size()
-              << " acknowledged, 0 lost, " << twice << " applied twice, " << reconnects_
+              << edits_.size() << " edits, " << acked_.size() << " acknowledged, 0 lost, " << twice
+              << " applied twice, " << reconnects_
               << " reconnects; the recovered map equals an undisturbed run's, byte for byte"
               << std::endl;
   }
@@ -158,8 +163,8 @@ class Run {
   void OnAck(const client::FrameAck& ack) {
     std::lock_guard lock(acks_);
     if (ack.status == AckStatus::kRejected || ack.status == AckStatus::kDropped) {
-      Die("frame " + std::to_string(ack.frame_id) + " was refused: " +
-          (ack.violations.empty() ? "" : ack.violations[0].description));
+      Die("frame " + std::to_string(ack.frame_id) +
+          " was refused: " + (ack.violations.empty() ? "" : ack.violations[0].description));
     }
     acked_.insert(ack.frame_id);
     if (ack.status == AckStatus::kIntegrated) ++integrated_[ack.frame_id];
@@ -208,9 +213,10 @@ class Run {
     const RegionEdit edit = EditNumber(after);
     wire::EditRegion request;
     request.box = edit.box;
-    request.action = edit.action == RegionAction::kMarkFree       ? v1::EDIT_ACTION_MARK_FREE
-                     : edit.action == RegionAction::kMarkOccupied ? v1::EDIT_ACTION_MARK_OCCUPIED
-                                                                  : v1::EDIT_ACTION_CLEAR_TO_UNKNOWN;
+    request.action = edit.action == RegionAction::kMarkFree ? v1::EDIT_ACTION_MARK_FREE
+                     : edit.action == RegionAction::kMarkOccupied
+                         ? v1::EDIT_ACTION_MARK_OCCUPIED
+                         : v1::EDIT_ACTION_CLEAR_TO_UNKNOWN;
     const auto connected = Connect();
     if (!connected) Die("no connection for an edit");
     absl::StatusOr<client::MapStamp> done = connected->EditRegion("", request);
@@ -240,7 +246,8 @@ class Run {
           absl::StatusOr<std::string> got = ReadFile(snapshot + std::string(name));
           if (!got.ok()) return got.status();
           if (name.ends_with(".vdb")) {  // OpenVDB gives each file a random id
-            for (std::string* bytes : {&*got, &expected}) bytes->replace(21, 36, std::string(36, '-'));
+            for (std::string* bytes : {&*got, &expected})
+              bytes->replace(21, 36, std::string(36, '-'));
           }
           return *got == expected ? absl::OkStatus()
                                   : absl::InternalError(std::string(name) + " differs");

@@ -67,7 +67,8 @@ TEST(Manifest, OneFromANewerServerIsRefusedInSoManyWords) {
   const std::string sealed = SealJson("snapshot", R"({"format_version": 2, "more": [1]})");
   const absl::Status status = DecodeManifest(sealed).status();
   EXPECT_TRUE(absl::IsFailedPrecondition(status)) << status;
-  EXPECT_THAT(std::string(status.message()), HasSubstr("format version 2; this server knows up to 1"));
+  EXPECT_THAT(std::string(status.message()),
+              HasSubstr("format version 2; this server knows up to 1"));
   EXPECT_TRUE(absl::IsDataLoss(DecodeManifest(SealJson("snapshot", "{}")).status()));
   EXPECT_TRUE(absl::IsDataLoss(DecodeManifest("[]").status()));
   EXPECT_TRUE(absl::IsDataLoss(
