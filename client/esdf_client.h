@@ -51,6 +51,17 @@ class EsdfClient {
   // The revision that includes the edit.
   absl::StatusOr<MapStamp> EditRegion(const std::string& map, const wire::EditRegion& edit) const;
 
+  // Snapshots of a map on the server's disk; an empty id is named by the server. Restoring starts a
+  // new epoch and ends the map's ingest streams. FAILED_PRECONDITION where the server keeps
+  // nothing.
+  absl::StatusOr<SnapshotInfo> CreateSnapshot(const std::string& map,
+                                              const std::string& snapshot_id = "",
+                                              const std::string& comment = "") const;
+  absl::StatusOr<std::vector<SnapshotInfo>> ListSnapshots(const std::string& map) const;
+  absl::StatusOr<MapStamp> RestoreSnapshot(const std::string& map,
+                                           const std::string& snapshot_id) const;
+  absl::Status DeleteSnapshot(const std::string& map, const std::string& snapshot_id) const;
+
   // Files arrive in checked chunks; DATA_LOSS where one is missing or damaged.
   absl::StatusOr<ExportResult> ExportMesh(const MeshOptions& options, const ByteSink& sink) const;
   absl::StatusOr<ExportResult> ExportGrid(const GridOptions& options, const ByteSink& sink) const;

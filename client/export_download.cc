@@ -7,7 +7,7 @@
 #include "client/channel.h"
 #include "client/connection.h"
 #include "client/convert.h"
-#include "proto/wire/crc32c.h"
+#include "server/core/crc32c.h"
 
 namespace clearance::client {
 namespace {
@@ -22,7 +22,7 @@ absl::Status Download(grpc::ClientContext& context, grpc::ClientReader<Chunk>& r
     if (chunk.offset() != offset) {
       status = absl::DataLossError(
           absl::StrFormat("export: got a chunk at byte %d, expected %d", chunk.offset(), offset));
-    } else if (wire::Crc32c(chunk.data()) != chunk.crc32c()) {
+    } else if (Crc32c(chunk.data()) != chunk.crc32c()) {
       status = absl::DataLossError(
           absl::StrFormat("export: the chunk at byte %d has a wrong checksum", offset));
     } else {

@@ -23,6 +23,14 @@ struct MapStamp {
   double staleness_s = 0;
 };
 
+struct SnapshotInfo {
+  std::string map, snapshot_id, comment;
+  MapStamp stamp;  // the state that it holds
+  uint64_t total_bytes = 0;
+  uint32_t format_version = 0;
+  int64_t created_unix_ns = 0;
+};
+
 // The state byte of a distance: state in the low two bits, flags above.
 enum class SpaceState : uint8_t { kUnknown = 0, kFree = 1, kOccupied = 2 };
 inline constexpr uint8_t kFlagPredicted = 0x04;

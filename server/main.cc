@@ -10,18 +10,19 @@
 #include "server/config/server_config.h"
 #include "server/engine/live_map.h"
 #include "server/engine/map_registry.h"
+#include "server/service/frame_codec.h"
 #include "server/service/http/http_server.h"
 #include "server/service/server.h"
 
 namespace {
 
 // As the `clearance` command's: 2 usage, 4 bad data, 5 unavailable.
-enum ExitCode { kOk = 0, kFailed = 1, kUsage = 2, kUnavailable = 5 };
+enum ExitCode { kOk = 0, kFailed = 1, kUsage = 2, kBadData = 4, kUnavailable = 5 };
 
 struct Flags {
   std::string config;
   std::vector<std::string> listen;
-  std::string socket, http;
+  std::string socket, http, store;
   std::vector<std::string> settings;
   bool allow_remote_plaintext = false;
 };
@@ -45,8 +46,13 @@ absl::Status Configure(const Flags& flags, clearance::ServerConfig* config) {
   if (!flags.listen.empty()) config->listen = flags.listen;
   if (!flags.socket.empty()) config->socket = flags.socket == "none" ? "" : flags.socket;
   if (!flags.http.empty()) config->http = flags.http;
+  if (!flags.store.empty()) config->store.dir = flags.store == "none" ? "" : flags.store;
   if (flags.allow_remote_plaintext) config->allow_remote_plaintext = true;
   return config->Validate();
+}
+
+std::chrono::milliseconds Milliseconds(double seconds) {
+  return std::chrono::milliseconds(static_cast<int64_t>(seconds * 1e3));
 }
 
 clearance::RegistryOptions RegistryOptionsOf(const clearance::ServerConfig& config) {
@@ -55,6 +61,22 @@ clearance::RegistryOptions RegistryOptionsOf(const clearance::ServerConfig& conf
   options.max_maps = config.max_maps;
   options.engine.queue_frames = config.queue_frames;
   options.engine.kept_revisions = 3;  // each holds the blocks that the next ones replaced
+  options.engine.codec = clearance::WireFrameCodec();
+  options.engine.process_memory_cap_bytes = config.memory_limit_bytes;
+  options.engine.evict_over_cap = config.evict_over_memory;
+  options.load = clearance::LiveMapLoader();
+  options.snapshots.period = Milliseconds(config.store.snapshot_period_s);
+  options.snapshots.keep = config.store.keep_snapshots;
+  return options;
+}
+
+clearance::StoreOptions StoreOptionsOf(const clearance::ServerConfig::Store& config) {
+  clearance::StoreOptions options;
+  options.path = config.dir;
+  options.sync = config.fsync;
+  options.sync_interval = Milliseconds(config.fsync_interval_s);
+  options.segment_bytes = config.segment_bytes;
+  options.recover_damaged = config.recover_damaged;
   return options;
 }
 
@@ -75,8 +97,8 @@ clearance::ServerOptions ServerOptionsOf(const clearance::ServerConfig& config) 
   options.limits.map_defaults = config.map;
   options.worker_threads = config.worker_threads;
   options.worker_queue = config.worker_queue;
-  options.drain_timeout =
-      std::chrono::milliseconds(static_cast<int64_t>(config.drain_timeout_s * 1e3));
+  options.limits.max_streams = config.max_streams;
+  options.drain_timeout = Milliseconds(config.drain_timeout_s);
   return options;
 }
 
@@ -86,11 +108,18 @@ int Fail(const absl::Status& status, int code) {
 }
 
 int Serve(const clearance::ServerConfig& config, const sigset_t& stop_signals) {
-  clearance::MapRegistry registry(RegistryOptionsOf(config));
-  if (config.create_default_map) {
-    const auto map = registry.Create(clearance::kDefaultMapId, config.map);
-    if (!map.ok()) return Fail(map.status(), kFailed);
+  std::unique_ptr<clearance::DataDirectory> storage;
+  if (!config.store.dir.empty()) {
+    auto opened = clearance::DataDirectory::Open(StoreOptionsOf(config.store));
+    if (!opened.ok()) {
+      return Fail(opened.status(),
+                  absl::IsFailedPrecondition(opened.status()) ? kUnavailable : kFailed);
+    }
+    storage = *std::move(opened);
   }
+  clearance::RegistryOptions options = RegistryOptionsOf(config);
+  options.storage = storage.get();
+  clearance::MapRegistry registry(std::move(options));
   const auto server = clearance::ClearanceServer::Start(&registry, ServerOptionsOf(config));
   if (!server.ok()) return Fail(server.status(), kUnavailable);
   std::unique_ptr<clearance::HttpServer> http;
@@ -107,6 +136,18 @@ int Serve(const clearance::ServerConfig& config, const sigset_t& stop_signals) {
     std::cout << "gRPC on " << address << "\n";
   }
   if (http) std::cout << "HTTP on " << http->address() << "\n";
+  std::cout << std::flush;
+  const absl::Status recovered = registry.Recover([](const std::string& note) {
+    std::cerr << "clearance_server: recovery: " << note << std::endl;
+  });
+  if (!recovered.ok()) {
+    return Fail(recovered, absl::IsDataLoss(recovered) ? kBadData : kFailed);
+  }
+  if (config.create_default_map && !registry.Get(clearance::kDefaultMapId).ok()) {
+    const auto map = registry.Create(clearance::kDefaultMapId, config.map);
+    if (!map.ok()) return Fail(map.status(), kFailed);
+  }
+  (*server)->Loaded();
   std::cout << "ready" << std::endl;
 
   int signal = 0;
@@ -125,6 +166,8 @@ int main(int argc, char** argv) {
   sigemptyset(&stop_signals);
   sigaddset(&stop_signals, SIGTERM);
   sigaddset(&stop_signals, SIGINT);
+  // A file size limit is an error of the write, not the end.
+  signal(SIGXFSZ, SIG_IGN);
   pthread_sigmask(SIG_BLOCK, &stop_signals, nullptr);
 
   CLI::App app("Clearance: a map server that answers how far the nearest surface is.");
@@ -134,6 +177,8 @@ int main(int argc, char** argv) {
                  "HOST:PORT for gRPC; repeatable; replaces server.listen");
   app.add_option("--socket", flags.socket, "path of a unix socket for gRPC, or none");
   app.add_option("--http", flags.http, "HOST:PORT for metrics and health, or off");
+  app.add_option("--store", flags.store,
+                 "folder for the frame log and snapshots, or none; as store.dir");
   app.add_option("--set", flags.settings,
                  "KEY=VALUE, for example map.voxel_size_m=0.2; repeatable");
   app.add_flag("--allow-remote-plaintext", flags.allow_remote_plaintext,

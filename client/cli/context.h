@@ -40,6 +40,7 @@ void AddMesh(CLI::App& app, Context& context);
 void AddGrid(CLI::App& app, Context& context);
 void AddHealth(CLI::App& app, Context& context);
 void AddMap(CLI::App& app, Context& context);
+void AddSnapshot(CLI::App& app, Context& context);
 void AddVersion(CLI::App& app, Context& context);
 
 // A subcommand that sets context.run to `run`.

@@ -5,6 +5,7 @@
 #include "absl/strings/cord.h"
 #include "absl/strings/string_view.h"
 #include "google/rpc/status.pb.h"
+#include "proto/wire/status_details.h"
 
 namespace clearance::wire {
 namespace {
@@ -16,6 +17,10 @@ constexpr size_t kMaxDetailsBytes = 2048;
 
 grpc::Status ToGrpcStatus(const absl::Status& status) {
   if (status.ok()) return grpc::Status::OK;
+  // Loading, draining, stopping: it is always worth another try.
+  if (absl::IsUnavailable(status) && !RetryDelayOf(status)) {
+    return ToGrpcStatus(WithRetry(status, absl::Seconds(1)));
+  }
   const std::string message(status.message().substr(0, kMaxMessageBytes));
   google::rpc::Status details;
   status.ForEachPayload([&](absl::string_view url, const absl::Cord& payload) {

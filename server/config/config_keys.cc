@@ -104,12 +104,30 @@ std::string ReadOverload(const YAML::Node& node, ServerConfig* config) {
   return "";
 }
 
+std::string ReadSync(const YAML::Node& node, ServerConfig* config) {
+  const std::string value = node.IsScalar() ? node.Scalar() : "";
+  if (value == "each") {
+    config->store.fsync = SyncPolicy::kEach;
+  } else if (value == "interval") {
+    config->store.fsync = SyncPolicy::kInterval;
+  } else if (value == "off") {
+    config->store.fsync = SyncPolicy::kOff;
+  } else {
+    return "each, interval or off";
+  }
+  return "";
+}
+
 }  // namespace
 
 // A key is its section and the name of the member that it sets.
 #define CLEARANCE_KEY(kind, section, name)                                      \
   {                                                                             \
 #section "." #name, kind([](ServerConfig * c) -> auto& { return c->name; }) \
+  }
+#define CLEARANCE_STORE_KEY(kind, name)                                           \
+  {                                                                               \
+    "store." #name, kind([](ServerConfig * c) -> auto& { return c->store.name; }) \
   }
 #define CLEARANCE_MAP_KEY(kind, name)                                         \
   {                                                                           \
@@ -133,6 +151,16 @@ const std::vector<ConfigKey>& AllConfigKeys() {
       CLEARANCE_KEY(Count, limits, max_image_pixels),
       CLEARANCE_KEY(Count, limits, max_motions),
       CLEARANCE_KEY(Number, limits, max_wait_s),
+      CLEARANCE_KEY(Count, limits, memory_limit_bytes),
+      CLEARANCE_KEY(Flag, limits, evict_over_memory),
+      CLEARANCE_KEY(Count, limits, max_streams),
+      CLEARANCE_STORE_KEY(Text, dir),
+      {"store.fsync", ReadSync},
+      CLEARANCE_STORE_KEY(Number, fsync_interval_s),
+      CLEARANCE_STORE_KEY(Count, segment_bytes),
+      CLEARANCE_STORE_KEY(Number, snapshot_period_s),
+      CLEARANCE_STORE_KEY(Count, keep_snapshots),
+      CLEARANCE_STORE_KEY(Flag, recover_damaged),
       CLEARANCE_KEY(Count, ingest, queue_frames),
       CLEARANCE_KEY(Count, ingest, credits),
       CLEARANCE_KEY(Count, ingest, live_credits),
@@ -154,6 +182,7 @@ const std::vector<ConfigKey>& AllConfigKeys() {
 }
 
 #undef CLEARANCE_KEY
+#undef CLEARANCE_STORE_KEY
 #undef CLEARANCE_MAP_KEY
 
 }  // namespace clearance

@@ -8,6 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "server/map/map_config.h"
+#include "server/store/segment_log.h"
 
 namespace clearance {
 
@@ -35,6 +36,22 @@ struct ServerConfig {
   uint64_t queue_frames = 8;    // frames with points that wait, a map
   uint64_t credits = 8;         // frames in flight, a stream, policy block
   uint64_t live_credits = 256;  // the same, policy drop_oldest_static
+
+  // limits, of memory and streams
+  uint64_t memory_limit_bytes = 0;  // resident, of the process; 0 = none
+  bool evict_over_memory = false;   // maps then forget what is far instead of refusing frames
+  uint64_t max_streams = 1024;      // open at a time
+
+  // store
+  struct Store {
+    std::string dir;  // empty: nothing is kept on disk
+    SyncPolicy fsync = SyncPolicy::kInterval;
+    double fsync_interval_s = 0.2;
+    uint64_t segment_bytes = 64u << 20;
+    double snapshot_period_s = 0;  // 0 = only when asked
+    uint64_t keep_snapshots = 3;   // newest automatic ones; 0 = all
+    bool recover_damaged = false;
+  } store;
 
   // map: of `default`, and what CreateMap leaves open
   bool create_default_map = true;

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <deque>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "server/core/frame.h"
@@ -15,6 +16,7 @@ namespace clearance {
 
 struct QueuedFrame {
   Frame frame;
+  std::string encoded;                // as it goes to the log; empty where there is none
   std::vector<Violation> rejections;  // not empty: settles as REJECTED when its turn comes
   FrameCallback done;
   std::chrono::steady_clock::time_point queued_at;

@@ -6,6 +6,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "server/esdf/site_extraction.h"
+#include "server/map/eviction.h"
 #include "server/map/surface_grids.h"
 #include "server/query/object_index.h"
 #include "server/query/site_following.h"
@@ -58,6 +59,24 @@ absl::StatusOr<MapModel::Edited> LiveMap::Edit(const RegionEdit& edit) {
   return edited;
 }
 
+std::optional<MapModel::Eviction> LiveMap::ChooseEviction(double keep) {
+  if (world_.sensor_path().empty()) return std::nullopt;
+  Eviction eviction;
+  eviction.centre_W = world_.sensor_path().back().pose.translation();
+  const auto radius_m = EvictionRadius(world_.static_map(), eviction.centre_W, keep);
+  if (!radius_m) return std::nullopt;
+  eviction.radius_m = *radius_m;
+  return eviction;
+}
+
+void LiveMap::Evict(const Eviction& eviction) {
+  AppliedChanges changes;
+  changes.static_blocks = world_.Evict(eviction.centre_W, eviction.radius_m);
+  UpdateField(changes);
+  MarkMeshes(changes);
+  updater_.ReleaseSpare();
+}
+
 void LiveMap::UpdateField(const AppliedChanges& changes) {
   field_ = updater_.Update(world_.static_map(), changes.static_blocks);
   for (const BlockIndex& block : changes.static_blocks) {
@@ -75,13 +94,19 @@ void LiveMap::UpdateShapes(const AppliedChanges& changes) {
     const auto it = world_.objects().find(changed.id);
     if (it == world_.objects().end()) continue;
     const ObjectSubmap& object = it->second;
-    std::shared_ptr<const ObjectShape>& shape = shapes_[{object.id(), object.generation()}];
+    const bool known = shapes_.contains({object.id(), object.generation()});
     if (shape && changed.blocks.empty()) continue;
     shape = FollowSites(shape, ExtractSurfaceSites(object.surface(), world_.fusion()),
                         config_.voxel_size_m);
+(!known || !changed.blocks.empty()) BuildShape(object);
   }
   MarkMeshes(changes);
   if (shapes_.size() > world_.objects().size() + world_.retired().size()) ForgetEvicted();
+}
+
+void LiveMap::BuildShape(const ObjectSubmap& object) {
+  shapes_[{object.id(), object.generation()}] = BuildObjectShape(
+      ExtractSurfaceSites(object.surface(), world_.fusion()), config_.voxel_size_m);
 }
 
 void LiveMap::MarkMeshes(const AppliedChanges& changes) {
@@ -183,5 +208,7 @@ absl::StatusOr<Mesh> LiveMap::ExtractMesh(ObjectId id, uint32_t generation) {
 MapModelFactory LiveMapFactory() {
   return [](const MapConfig& config) { return std::make_unique<LiveMap>(config); };
 }
+
+MapModelLoader LiveMapLoader() { return LiveMap::Load; }
 
 }  // namespace clearance

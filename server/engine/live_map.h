@@ -25,11 +25,19 @@ class LiveMap final : public MapModel {
   absl::StatusOr<Surface> FindSurface(ObjectId id, uint32_t generation) override;
   absl::StatusOr<Mesh> ExtractMesh(ObjectId id, uint32_t generation) override;
 
+  uint64_t revision() const override { return world_.revision(); }
+  std::optional<Eviction> ChooseEviction(double keep) override;
+  void Evict(const Eviction& eviction) override;
+  std::unique_ptr<FrozenModel> Freeze() override;
+  static absl::StatusOr<std::unique_ptr<MapModel>> Load(const MapConfig& config,
+                                                        const FileSource& files);
+
   const WorldMap& world() const { return world_; }
 
  private:
   using SurfaceKey = std::pair<ObjectId, uint32_t>;  // and generation; (0, 0) is the static map
 
+  void BuildShape(const ObjectSubmap& object);
   void UpdateField(const AppliedChanges& changes);
   void UpdateShapes(const AppliedChanges& changes);
   void MarkMeshes(const AppliedChanges& changes);
@@ -51,5 +59,6 @@ class LiveMap final : public MapModel {
 
 // Makes LiveMaps: the registry's default.
 MapModelFactory LiveMapFactory();
+MapModelLoader LiveMapLoader();
 
 }  // namespace clearance

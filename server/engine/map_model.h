@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -24,6 +25,18 @@ struct MapSizes {
   uint64_t static_voxels = 0;  // that hold surface
   uint64_t field_blocks = 0;
   std::optional<Aabb> observed_W;  // what was observed, free space included
+};
+
+// The files of a snapshot, one by one, and their content by name.
+using FileSink = std::function<absl::Status(std::string_view name, std::string bytes)>;
+using FileSource = std::function<absl::StatusOr<std::string>(std::string_view name)>;
+
+// A map's state at one revision, to be written elsewhere while the map goes on. Any thread.
+class FrozenModel {
+ public:
+  virtual ~FrozenModel() = default;
+  // Stops at the first error of `sink`.
+  virtual absl::Status Write(const FileSink& sink) const = 0;
 };
 
 // Not thread-safe: every call comes from the mapping thread.
@@ -59,8 +72,27 @@ class MapModel {
   // The state now. The engine fills in epoch and published_at.
   virtual MapView View() = 0;
   virtual MapSizes Sizes() = 0;
+
+  // Counts integrated frames, edits and evictions.
+  virtual uint64_t revision() const = 0;
+
+  // Static surface and free space whose blocks are farther than `radius_m` from `centre_W`: where
+  // to cut so that about `keep` (0 to 1) of the blocks stay, around the newest sensor pose, and
+  // the cut itself. Absent where there is nothing to cut.
+  struct Eviction {
+    Eigen::Vector3d centre_W = Eigen::Vector3d::Zero();
+    double radius_m = 0;
+  };
+  virtual std::optional<Eviction> ChooseEviction(double keep) = 0;
+  virtual void Evict(const Eviction& eviction) = 0;
+
+  // The whole state, for a snapshot.
+  virtual std::unique_ptr<FrozenModel> Freeze() = 0;
 };
 
 using MapModelFactory = std::function<std::unique_ptr<MapModel>(const MapConfig&)>;
+// A model that goes on exactly where the frozen one stood. DATA_LOSS for files of another kind.
+using MapModelLoader =
+    std::function<absl::StatusOr<std::unique_ptr<MapModel>>(const MapConfig&, const FileSource&)>;
 
 }  // namespace clearance

@@ -7,6 +7,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "server/map/map_config_code.h"
 
 namespace clearance {
 namespace {
@@ -34,9 +35,50 @@ absl::Status ValidateId(std::string_view id, std::string_view field) {
       absl::StrFormat("%s: got '%s', expected [a-z][a-z0-9_-]{0,62}", field, id.substr(0, 80)));
 }
 
-MapRegistry::MapRegistry(RegistryOptions options) : options_(std::move(options)) {}
+MapRegistry::MapRegistry(RegistryOptions options)
+    : options_(std::move(options)), loading_(options_.storage != nullptr) {
+  if (!options_.storage) return;
+  snapshotter_ = std::make_unique<Snapshotter>([this] { return List(); }, options_.snapshots);
+}
 
 MapRegistry::~MapRegistry() { StopAll(); }
+
+bool MapRegistry::loading() const {
+  MutexLock lock(&mu_);
+  return loading_;
+}
+
+absl::Status MapRegistry::Unavailable() const {
+  if (loading_) return absl::UnavailableError("the server is loading its maps; try again");
+  if (draining_) return absl::UnavailableError("the server is draining; connect again");
+  return absl::OkStatus();
+}
+
+RecoveryOptions MapRegistry::Recovery() const {
+  return {options_.model, options_.load, options_.engine.codec, options_.engine.settled_window};
+}
+
+absl::Status MapRegistry::Recover(const std::function<void(const std::string&)>& note) {
+  if (!options_.storage) return absl::OkStatus();
+  MutexLock change(&change_mu_);
+  const absl::StatusOr<std::vector<std::string>> ids = options_.storage->Maps();
+  if (!ids.ok()) return ids.status();
+  std::map<std::string, EnginePtr, std::less<>> recovered;
+  for (const std::string& id : *ids) {
+    absl::StatusOr<std::unique_ptr<MapFolder>> folder = options_.storage->OpenMap(id);
+    if (!folder.ok()) return folder.status();
+    std::vector<std::string> notes;
+    absl::StatusOr<MapState> state = RecoverMap(**folder, Recovery(), &notes);
+    for (const std::string& text : notes) note(text);
+    if (!state.ok()) return state.status();
+    recovered.emplace(id, std::make_shared<MappingEngine>(id, *std::move(state), *std::move(folder),
+                                                          NewEpoch(), &timers_, options_.engine));
+  }
+  MutexLock lock(&mu_);
+  maps_ = std::move(recovered);
+  loading_ = false;
+  return absl::OkStatus();
+}
 
 absl::Status MapRegistry::NotFound(std::string_view id) const {
   const std::string existing = absl::StrJoin(
@@ -50,18 +92,30 @@ absl::StatusOr<MapRegistry::EnginePtr> MapRegistry::Create(std::string_view id,
   if (id.empty()) id = kDefaultMapId;
   if (absl::Status status = ValidateId(id, "map"); !status.ok()) return status;
   if (absl::Status status = config.Validate(); !status.ok()) return status;
+  MutexLock change(&change_mu_);
+  {
+    MutexLock lock(&mu_);
+    if (absl::Status s = Unavailable(); !s.ok()) return s;
+    if (maps_.contains(id)) {
+      return absl::AlreadyExistsError(absl::StrFormat("map '%s' exists already", id));
+    }
+    if (maps_.size() >= options_.max_maps) {
+      return absl::ResourceExhaustedError(
+          absl::StrFormat("map '%s' would be number %d, limit %d; delete one first", id,
+                          maps_.size() + 1, options_.max_maps));
+    }
+  }
+  const uint64_t epoch = NewEpoch();
+  std::shared_ptr<MapFolder> folder;
+  if (options_.storage) {
+    auto made = options_.storage->CreateMap(std::string(id), EncodeMapConfig(config), epoch);
+    if (!made.ok()) return made.status();
+    folder = *std::move(made);
+  }
+  auto engine = std::make_shared<MappingEngine>(
+      std::string(id), MapState{config, options_.model(config), {}, 0}, std::move(folder), epoch,
+      &timers_, options_.engine);
   MutexLock lock(&mu_);
-  if (draining_) return absl::UnavailableError("the server is draining; connect again");
-  if (maps_.contains(id)) {
-    return absl::AlreadyExistsError(absl::StrFormat("map '%s' exists already", id));
-  }
-  if (maps_.size() >= options_.max_maps) {
-    return absl::ResourceExhaustedError(
-        absl::StrFormat("map '%s' would be number %d, limit %d; delete one first", id,
-                        maps_.size() + 1, options_.max_maps));
-  }
-  auto engine = std::make_shared<MappingEngine>(std::string(id), config, options_.model(config),
-                                                NewEpoch(), &timers_, options_.engine);
   maps_.emplace(id, engine);
   return engine;
 }
@@ -70,6 +124,10 @@ absl::StatusOr<MapRegistry::EnginePtr> MapRegistry::Get(std::string_view id) con
   if (id.empty()) id = kDefaultMapId;
   if (absl::Status status = ValidateId(id, "map"); !status.ok()) return status;
   MutexLock lock(&mu_);
+  if (loading_) return Unavailable();
+  if (restoring_.contains(id)) {
+    return absl::UnavailableError(absl::StrFormat("map '%s' is being restored; try again", id));
+  }
   const auto it = maps_.find(id);
   if (it == maps_.end()) return NotFound(id);
   return it->second;
@@ -85,16 +143,76 @@ std::vector<MapRegistry::EnginePtr> MapRegistry::List() const {
 absl::StatusOr<MapRegistry::EnginePtr> MapRegistry::Delete(std::string_view id) {
   if (id.empty()) id = kDefaultMapId;
   if (absl::Status status = ValidateId(id, "map"); !status.ok()) return status;
+  MutexLock change(&change_mu_);
   EnginePtr engine;
   {
     MutexLock lock(&mu_);
+    if (loading_) return Unavailable();
     const auto it = maps_.find(id);
     if (it == maps_.end()) return NotFound(id);
     engine = std::move(it->second);
     maps_.erase(it);
   }
   engine->Stop();
+  if (options_.storage) {
+    if (absl::Status s = options_.storage->DeleteMap(engine->id()); !s.ok()) return s;
+  }
   return engine;
+}
+
+absl::Status MapRegistry::CreateSnapshot(std::string_view id, std::string snapshot_id,
+                                         std::string comment, Snapshotter::Done done) {
+  const absl::StatusOr<EnginePtr> engine = Get(id);
+  if (!engine.ok()) return engine.status();
+  if (!snapshotter_) {
+    return absl::FailedPreconditionError(
+        "snapshots need a folder: set store.dir in the server's configuration");
+  }
+  return snapshotter_->Create(*engine, std::move(snapshot_id), std::move(comment), false,
+                              std::move(done));
+}
+
+absl::StatusOr<MapRegistry::EnginePtr> MapRegistry::RestoreSnapshot(
+    std::string_view id, const std::string& snapshot_id, const std::function<void()>& before_swap) {
+  MutexLock change(&change_mu_);
+  const absl::StatusOr<EnginePtr> old = Get(id);
+  if (!old.ok()) return old.status();
+  const std::string name = (*old)->id();
+  const std::shared_ptr<MapFolder> folder = (*old)->folder();
+  if (!folder) {
+    return absl::FailedPreconditionError(
+        "snapshots need a folder: set store.dir in the server's configuration");
+  }
+  if (absl::Status s = ValidateSnapshotId(snapshot_id); !s.ok()) return s;
+  const absl::StatusOr<SnapshotManifest> manifest = folder->FindSnapshot(snapshot_id);
+  if (!manifest.ok()) return manifest.status();
+  absl::StatusOr<MapState> state = LoadSnapshot(*folder, *manifest, Recovery());
+  if (!state.ok()) return state.status();
+  {
+    MutexLock lock(&mu_);
+    if (absl::Status s = Unavailable(); !s.ok()) return s;
+    restoring_.insert(name);
+  }
+  before_swap();
+  (*old)->Stop();
+  const uint64_t epoch = NewEpoch();
+  const absl::Status started = folder->StartLineage(epoch, *manifest);
+  // Where the new log could not be begun the map stays, with its thread begun anew.
+  absl::StatusOr<MapState> next = started.ok() ? std::move(state) : (*old)->TakeState();
+  EnginePtr engine;
+  if (next.ok()) {
+    engine = std::make_shared<MappingEngine>(name, *std::move(next), folder, epoch, &timers_,
+                                             options_.engine);
+  }
+  MutexLock lock(&mu_);
+  restoring_.erase(name);
+  if (engine) maps_[name] = engine;
+  if (!started.ok()) return started;
+  return engine;
+}
+
+SnapshotterStats MapRegistry::snapshot_stats() const {
+  return snapshotter_ ? snapshotter_->Stats() : SnapshotterStats{};
 }
 
 bool MapRegistry::Drain(std::chrono::steady_clock::time_point deadline) {
@@ -112,6 +230,7 @@ void MapRegistry::StopAll() {
     MutexLock lock(&mu_);
     draining_ = true;
   }
+  if (snapshotter_) snapshotter_->Stop();
   for (const EnginePtr& engine : List()) engine->Stop();
 }
 

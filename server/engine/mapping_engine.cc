@@ -3,6 +3,9 @@
 #include <malloc.h>
 
 #include <algorithm>
+#include <unistd.h>
+
+#include <fstream>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -10,6 +13,12 @@
 
 namespace clearance {
 namespace {
+
+uint64_t ResidentBytes() {
+  uint64_t pages = 0, resident = 0;
+  std::ifstream("/proc/self/statm") >> pages >> resident;
+  return resident * static_cast<uint64_t>(sysconf(_SC_PAGESIZE));
+}
 
 double MsBetween(std::chrono::steady_clock::time_point from,
                  std::chrono::steady_clock::time_point to) {
@@ -32,12 +41,21 @@ FrameAck AckOf(uint64_t frame_id, FrameAck::Status status, const RevisionStamp& 
 MappingEngine::MappingEngine(std::string id, const MapConfig& config,
                              std::unique_ptr<MapModel> model, uint64_t epoch, TimerQueue* timers,
                              EngineOptions options)
+    : MappingEngine(std::move(id), MapState{config, std::move(model), {}, 0}, nullptr, epoch,
+                    timers, std::move(options)) {}
+
+MappingEngine::MappingEngine(std::string id, MapState start, std::shared_ptr<MapFolder> folder,
+                             uint64_t epoch, TimerQueue* timers, EngineOptions options)
     : id_(std::move(id)),
-      config_(config),
+      config_(start.config),
       epoch_(epoch),
       options_(std::move(options)),
-      model_(std::move(model)),
-      queue_({options_.queue_frames, options_.queue_stripped_frames, config.overload}) {
+      folder_(std::move(folder)),
+      log_(folder_ ? folder_->log() : nullptr),
+      model_(std::move(start.model)),
+      log_index_(start.log_index),
+      queue_({options_.queue_frames, options_.queue_stripped_frames, config_.overload}),
+      ledgers_(std::move(start.ledgers)) {
   MapView first = model_->View();
   first.config = config_;
   first.epoch = epoch_;
@@ -54,7 +72,7 @@ SourceLedger& MappingEngine::LedgerOf(const std::string& source_id) {
   return ledgers_.try_emplace(source_id, options_.settled_window).first->second;
 }
 
-Admission MappingEngine::Submit(Frame&& frame, FrameCallback done) {
+Admission MappingEngine::Submit(Frame&& frame, FrameCallback done, std::string* encoded) {
   const RevisionStamp now = StampOf(*Latest());
   std::optional<FrameAck> at_once;
   {
@@ -80,7 +98,14 @@ Admission MappingEngine::Submit(Frame&& frame, FrameCallback done) {
         if (!judged.violation.field.empty()) item.rejections.push_back(judged.violation);
         const bool has_points =
             item.rejections.empty() && !std::holds_alternative<std::monostate>(frame.observation);
+        if (!over_memory_.empty()) {
+          // Look again: another map may have gone meanwhile.
+          if (tasks_.empty()) tasks_.push_back([](MapModel*, const ViewPtr&) {});
+          changed_.NotifyAll();
+          return Admission::kOverMemory;
+        }
         if (!queue_.HasRoom(has_points)) return Admission::kFull;
+        if (encoded != nullptr && log_) item.encoded = std::move(*encoded);
         item.frame = std::move(frame);
         item.done = std::move(done);
         return Enqueue(std::move(item), ledger);
@@ -154,6 +179,10 @@ absl::Status MappingEngine::EditRegion(const RegionEdit& edit, EditCallback done
       done(absl::UnavailableError(absl::StrCat("map '", id_, "' is stopping")), {});
       return;
     }
+    LogRecord record;
+    record.kind = LogRecord::Kind::kEdit;
+    record.edit = edit;
+    if (absl::Status s = AppendToLog(record); !s.ok()) return done(std::move(s), StampOf(*view));
     absl::StatusOr<MapModel::Edited> edited = model->Edit(edit);
     const ViewPtr after = edited.ok() ? Publish(false) : view;
     done(std::move(edited), StampOf(*after));
@@ -220,14 +249,20 @@ void MappingEngine::RunFrame(QueuedFrame item) {
   FrameAck ack = AckOf(item.frame.frame_id, FrameAck::Status::kRejected, StampOf(*Latest()));
   ack.queue_ms = MsBetween(item.queued_at, started);
   ack.violations = std::move(item.rejections);
-  if (!ack.violations.empty()) return Settle(item, std::move(ack));
-  if (options_.append_to_log && !item.stripped) {
-    const absl::Status logged = options_.append_to_log(item.frame);
-    if (!logged.ok()) {
-      ack.violations.push_back({"frame", -1, std::string(logged.message())});
+  if (!ack.violations.empty()) {
+    LogRejected(item);
+    return Settle(item, std::move(ack));
+  }
+  if (log_) {
+    if (const absl::Status logged = LogFrame(item); !logged.ok()) {
+      ack.violations.push_back(
+          {"log", -1, "the frame could not be logged: " + std::string(logged.message())});
+      LogRejected(item);
       return Settle(item, std::move(ack));
     }
-    item.done(AckOf(item.frame.frame_id, FrameAck::Status::kAccepted, ack.stamp));
+    if (!item.stripped) {
+      item.done(AckOf(item.frame.frame_id, FrameAck::Status::kAccepted, ack.stamp));
+    }
   }
   if (options_.before_integrate) options_.before_integrate(item.frame);
   absl::StatusOr<MapModel::Integrated> integrated = model_->Integrate(item.frame);
@@ -246,6 +281,58 @@ void MappingEngine::RunFrame(QueuedFrame item) {
   RecordStages(integrated->stages);
   Settle(item, std::move(ack));
   RefreshSizes(false);
+}
+
+absl::Status MappingEngine::AppendToLog(const LogRecord& record, std::string_view body) {
+  if (!log_) return absl::OkStatus();
+  while (!unlogged_.empty()) {
+    const absl::StatusOr<uint64_t> index = log_->Append(EncodeHead(unlogged_.front()), {});
+    if (!index.ok()) return index.status();
+    log_index_ = *index;
+    unlogged_.pop_front();
+  }
+  const absl::StatusOr<uint64_t> index = log_->Append(EncodeHead(record), body);
+  if (index.ok()) log_index_ = *index;
+  return index.status();
+}
+
+absl::Status MappingEngine::LogFrame(const QueuedFrame& item) {
+  LogRecord record;
+  if (item.encoded.empty()) return absl::InternalError("it came without its encoding");
+  if (!item.stripped) return AppendToLog(record, item.encoded);
+  record.kind = LogRecord::Kind::kStripped;
+  const absl::StatusOr<std::string> rest = options_.codec.without_points(item.encoded);
+  return rest.ok() ? AppendToLog(record, *rest) : rest.status();
+}
+
+void MappingEngine::LogRejected(const QueuedFrame& item) {
+  if (!log_) return;
+  LogRecord record;
+  record.kind = LogRecord::Kind::kRejected;
+  record.source_id = item.frame.source_id;
+  record.frame_id = item.frame.frame_id;
+  if (AppendToLog(record).ok()) return;
+  // Without room: after a crash the client would only be told to send it again.
+  unlogged_.push_back(std::move(record));
+  if (unlogged_.size() > options_.settled_window) unlogged_.pop_front();
+}
+
+absl::Status MappingEngine::Freeze(std::function<void(absl::StatusOr<Frozen>)> done) {
+  return Post([this, done = std::move(done)](MapModel* model, const ViewPtr& view) {
+    if (model == nullptr) {
+      return done(absl::UnavailableError(absl::StrCat("map '", id_, "' is stopping")));
+    }
+    Frozen frozen;
+    frozen.model = model->Freeze();
+    frozen.stamp = StampOf(*view);
+    frozen.log_index = log_index_;
+    if (folder_) frozen.lineage = folder_->lineage();
+    {
+      MutexLock lock(&mu_);
+      frozen.ledgers = EncodeLedgers(ledgers_);
+    }
+    done(std::move(frozen));
+  });
 }
 
 void MappingEngine::Settle(const QueuedFrame& item, FrameAck ack) {
@@ -284,8 +371,47 @@ void MappingEngine::RefreshSizes(bool force) {
   if (!force && now < sizes_at_) return;
   MapSizes sizes = model_->Sizes();
   sizes_at_ = now + std::max<Clock::duration>(options_.sizes_period, 50 * (Clock::now() - now));
+  {
+    MutexLock lock(&mu_);
+    sizes_ = std::move(sizes);
+  }
+  RelieveMemory();
+}
+
+void MappingEngine::RelieveMemory() {
+  constexpr double kKeep = 0.8;  // of the blocks, at one eviction
+  const auto over = [this]() -> std::string {
+    const uint64_t own = config_.memory_cap_bytes, all = options_.process_memory_cap_bytes;
+    MutexLock lock(&mu_);
+    if (own > 0 && sizes_.memory_bytes > own) {
+      return absl::StrCat("map '", id_, "' takes ", sizes_.memory_bytes, " bytes, limit ", own);
+    }
+    const uint64_t used = all == 0                        ? 0
+                          : options_.process_memory_bytes ? options_.process_memory_bytes()
+                                                          : ResidentBytes();
+    if (used > all) return absl::StrCat("the server takes ", used, " bytes, limit ", all);
+    return "";
+  };
+  std::string reason = over();
+  if (!reason.empty() && options_.evict_over_cap) {
+    LogRecord record;
+    record.kind = LogRecord::Kind::kEviction;
+    const std::optional<MapModel::Eviction> eviction = model_->ChooseEviction(kKeep);
+    if (eviction) record.eviction = *eviction;
+    if (eviction && AppendToLog(record).ok()) {
+      model_->Evict(*eviction);
+      Publish(false);
+      MapSizes sizes = model_->Sizes();
+      {
+        MutexLock lock(&mu_);
+        sizes_ = std::move(sizes);
+        ++evictions_;
+      }
+      reason = over();
+    }
+  }
   MutexLock lock(&mu_);
-  sizes_ = std::move(sizes);
+  over_memory_ = std::move(reason);
 }
 
 std::optional<uint64_t> MappingEngine::LastSettledId(const std::string& source_id) const {
@@ -305,6 +431,9 @@ EngineStats MappingEngine::Stats() const {
                              ledger.integrated(), ledger.dropped(), ledger.rejected(),
                              ledger.duplicate()});
   }
+  stats.over_memory = over_memory_;
+  stats.evictions = evictions_;
+  if (log_) stats.log = log_->Stats();
   for (const auto& [name, histogram] : stages_) {
     stats.stages.emplace_back(name, histogram.Summary());
   }
@@ -338,6 +467,11 @@ void MappingEngine::Stop() {
   store_->Close(absl::UnavailableError(absl::StrCat("map '", id_, "' is stopping")));
   MutexLock lock(&join_mu_);
   if (thread_.joinable()) thread_.join();
+}
+
+MapState MappingEngine::TakeState() {
+  MutexLock lock(&mu_);
+  return {config_, std::move(model_), std::move(ledgers_), log_index_};
 }
 
 void MappingEngine::AbandonAll() {

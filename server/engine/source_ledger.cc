@@ -35,11 +35,49 @@ SourceLedger::Judgement SourceLedger::Judge(uint64_t frame_id, int64_t stamp_ns)
 void SourceLedger::Admit(uint64_t frame_id, std::optional<int64_t> stamp_ns) {
   last_admitted_id_ = frame_id;
   if (stamp_ns) last_stamp_ns_ = stamp_ns;
-  pending_[frame_id];
+  pending_[frame_id].stamp_ns = stamp_ns;
 }
 
 void SourceLedger::AddRepeat(uint64_t frame_id, FrameCallback done) {
-  pending_[frame_id].push_back(std::move(done));
+  pending_[frame_id].repeats.push_back(std::move(done));
+}
+
+void SourceLedger::Save(ByteWriter* out) const {
+  out->Put<uint8_t>(last_settled_stamp_ns_.has_value());
+  out->Put(last_settled_stamp_ns_.value_or(0));
+  for (uint64_t count : {integrated_, dropped_, rejected_, duplicate_}) out->Put(count);
+  out->Put<uint64_t>(settled_order_.size());
+  for (uint64_t frame_id : settled_order_) {
+    const RevisionStamp& stamp = settled_.at(frame_id);
+    out->Put(frame_id);
+    out->Put(stamp.revision);
+    out->Put(stamp.field_revision);
+    out->Put(stamp.epoch);
+    out->Put(stamp.stamp_ns);
+  }
+}
+
+SourceLedger SourceLedger::Load(ByteReader* in, size_t window) {
+  SourceLedger ledger(window);
+  const bool stamped = in->Get<uint8_t>() != 0;
+  const int64_t stamp_ns = in->Get<int64_t>();
+  if (stamped) ledger.last_stamp_ns_ = ledger.last_settled_stamp_ns_ = stamp_ns;
+  for (uint64_t* count :
+       {&ledger.integrated_, &ledger.dropped_, &ledger.rejected_, &ledger.duplicate_}) {
+    *count = in->Get<uint64_t>();
+  }
+  for (size_t left = in->GetCount(5 * sizeof(uint64_t)); left > 0; --left) {
+    const uint64_t frame_id = in->Get<uint64_t>();
+    RevisionStamp stamp;
+    stamp.revision = in->Get<uint64_t>();
+    stamp.field_revision = in->Get<uint64_t>();
+    stamp.epoch = in->Get<uint64_t>();
+    stamp.stamp_ns = in->Get<int64_t>();
+    ledger.settled_.emplace(frame_id, stamp);
+    ledger.settled_order_.push_back(frame_id);
+    ledger.last_admitted_id_ = ledger.last_settled_id_ = frame_id;
+  }
+  return ledger;
 }
 
 std::vector<FrameCallback> SourceLedger::Settle(const FrameAck& ack) {
@@ -54,6 +92,9 @@ std::vector<FrameCallback> SourceLedger::Settle(const FrameAck& ack) {
       ++rejected_;
   }
   last_settled_id_ = ack.frame_id;
+  if (const auto it = pending_.find(ack.frame_id); it != pending_.end() && it->second.stamp_ns) {
+    last_settled_stamp_ns_ = it->second.stamp_ns;
+  }
   settled_.emplace(ack.frame_id, ack.stamp);
   settled_order_.push_back(ack.frame_id);
   if (settled_order_.size() > window_) {
@@ -66,7 +107,7 @@ std::vector<FrameCallback> SourceLedger::Settle(const FrameAck& ack) {
 std::vector<FrameCallback> SourceLedger::Abandon(uint64_t frame_id) {
   const auto it = pending_.find(frame_id);
   if (it == pending_.end()) return {};
-  std::vector<FrameCallback> repeats = std::move(it->second);
+  std::vector<FrameCallback> repeats = std::move(it->second.repeats);
   pending_.erase(it);
   return repeats;
 }

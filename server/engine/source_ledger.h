@@ -7,6 +7,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "server/core/bytes.h"
 #include "server/engine/frame_ack.h"
 
 namespace clearance {
@@ -31,6 +32,10 @@ class SourceLedger {
   void Admit(uint64_t frame_id, std::optional<int64_t> stamp_ns);
   // A repeat of a pending frame is told when that settles.
   void AddRepeat(uint64_t frame_id, FrameCallback done);
+  // For snapshots: what is settled, in the order of settling; frames that wait are not in it.
+  void Save(ByteWriter* out) const;
+  static SourceLedger Load(ByteReader* in, size_t window);
+
   // Returns the callbacks of repeats.
   std::vector<FrameCallback> Settle(const FrameAck& ack);
   // The frame leaves unsettled; it may come again. Returns the callbacks of repeats.
@@ -47,10 +52,14 @@ class SourceLedger {
  private:
   size_t window_;
   std::optional<uint64_t> last_admitted_id_, last_settled_id_;
-  std::optional<int64_t> last_stamp_ns_;
+  std::optional<int64_t> last_stamp_ns_, last_settled_stamp_ns_;
   std::unordered_map<uint64_t, RevisionStamp> settled_;
   std::deque<uint64_t> settled_order_;
-  std::unordered_map<uint64_t, std::vector<FrameCallback>> pending_;
+  struct Pending {
+    std::optional<int64_t> stamp_ns;
+    std::vector<FrameCallback> repeats;
+  };
+  std::unordered_map<uint64_t, Pending> pending_;
   uint64_t integrated_ = 0, dropped_ = 0, rejected_ = 0, duplicate_ = 0;
 };
 

@@ -22,6 +22,8 @@ class BlockPool {
   void NextGeneration();
 
   size_t size() const;
+  // Gives free blocks back to the system.
+  void ReleaseSpare() { free_ = {}; }
 
  private:
   // Readers that pin an old revision keep its generation back; no more than this many wait.

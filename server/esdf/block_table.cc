@@ -66,6 +66,48 @@ void BlockTable::MakeUniform(int32_t id, uint8_t tile) {
   record.data = nullptr;
 }
 
+void BlockTable::Save(ByteWriter* out, std::vector<std::shared_ptr<const FieldBlock>>* data) const {
+  out->Put<uint64_t>(records_.size());
+  for (const BlockRecord& r : records_) {
+    out->Put(r.index);
+    out->Put<uint8_t>(r.data != nullptr);
+    out->Put(r.tile);
+    out->Put(r.sites);
+    out->Put(r.shadow);
+    out->Put<uint32_t>(static_cast<uint32_t>(r.references.size()));
+    for (int32_t s : r.references) out->Put(s);
+    if (r.data) data->push_back(r.data);
+  }
+}
+
+absl::Status BlockTable::Load(ByteReader* in, size_t site_blocks,
+                              const std::function<std::shared_ptr<FieldBlock>()>& next_block) {
+  const auto names_sites = [site_blocks](int32_t s) {
+    return s >= 0 && static_cast<size_t>(s) < site_blocks;
+  };
+  const size_t count = in->GetCount(sizeof(BlockIndex));
+  ids_.reserve(count);
+  for (size_t i = 0; i < count && in->ok(); ++i) {
+    if (FindOrCreate(in->Get<BlockIndex>()) != static_cast<int32_t>(i)) {
+      return in->Error("a block is listed twice");
+    }
+    BlockRecord& r = records_.back();
+    if (in->Get<uint8_t>() != 0) {
+      r.data = next_block();
+      if (!r.data) return in->Error("a block's voxels are missing");
+    }
+    r.tile = in->Get<uint8_t>();
+    r.sites = in->Get<int32_t>();
+    if (r.sites != kNoBlock && !names_sites(r.sites)) return in->Error("bad site block");
+    r.shadow = in->Get<BlockShadow>();
+    for (uint32_t left = in->Get<uint32_t>(); left > 0 && in->ok(); --left) {
+      r.references.push_back(in->Get<int32_t>());
+      if (!names_sites(r.references.back())) return in->Error("bad reference");
+    }
+  }
+  return in->ok() ? absl::OkStatus() : in->Finish();
+}
+
 uint64_t BlockTable::MemoryBytes() const {
   uint64_t bytes = pool_.size() * sizeof(FieldBlock) + records_.size() * sizeof(BlockRecord);
   for (const BlockRecord& r : records_) {

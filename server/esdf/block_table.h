@@ -5,11 +5,13 @@
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <memory>
 #include <vector>
 
 #include "absl/container/flat_hash_map.h"
 #include "absl/container/inlined_vector.h"
+#include "server/core/bytes.h"
 #include "server/esdf/block_extraction.h"
 #include "server/esdf/block_pool.h"
 #include "server/esdf/sweep.h"
@@ -70,6 +72,16 @@ class BlockTable {
   void MakeUniform(int32_t id, uint8_t tile);
 
   uint64_t MemoryBytes() const;
+  void ReleaseSpare() { pool_.ReleaseSpare(); }
+
+  // For snapshots, between two updates: the records in the order of their ids, so that work that
+  // goes on visits them as it would have done. `data` gets the blocks, in that order; they do not
+  // change any more.
+  void Save(ByteWriter* out, std::vector<std::shared_ptr<const FieldBlock>>* data) const;
+  // Into an empty table. `next_block` gives the saved blocks one by one, null when there are no
+  // more. DATA_LOSS for bytes that Save did not write; `site_blocks` is how many there are.
+  absl::Status Load(ByteReader* in, size_t site_blocks,
+                    const std::function<std::shared_ptr<FieldBlock>()>& next_block);
 
  private:
   absl::flat_hash_map<BlockIndex, int32_t> ids_;

@@ -353,14 +353,15 @@ void FieldUpdater::Finish() {
   for (int32_t s : changed_sites_) sites_[s].Settle();
 }
 
+void FieldUpdater::PublishBlock(int32_t id) {
+  const BlockRecord& record = table_[id];
+  const uint8_t tile = record.data || record.tile == 0 ? DistanceField::kNoTile : record.tile & 7;
+  field_.Set(record.index, record.data, tile);
+}
+
 void FieldUpdater::Publish() {
-  const auto publish = [&](int32_t id) {
-    const BlockRecord& record = table_[id];
-    const uint8_t tile = record.data || record.tile == 0 ? DistanceField::kNoTile : record.tile & 7;
-    field_.Set(record.index, record.data, tile);
-  };
-  for (int32_t id : table_.written()) publish(id);
-  for (int32_t id : retiled_) publish(id);
+  for (int32_t id : table_.written()) PublishBlock(id);
+  for (int32_t id : retiled_) PublishBlock(id);
 }
 
 uint64_t FieldUpdater::MemoryBytes() const {

@@ -3,8 +3,12 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "absl/types/span.h"
 #include "server/esdf/block_extraction.h"
 #include "server/esdf/block_table.h"
@@ -59,7 +63,23 @@ class FieldUpdater {
   // The sites that the field is built from; the latest extraction may differ by ignored small
   // moves.
   const SiteTable& sites() const { return sites_; }
+  // The result of the last Update().
+  const DistanceField& field() const { return field_; }
   uint64_t MemoryBytes() const;
+  // Gives memory that is kept for later updates back to the system.
+  void ReleaseSpare() { table_.ReleaseSpare(); }
+
+  // For snapshots, between two updates: what a new updater needs to go on exactly as this one.
+  // `blocks` are shared and do not change any more.
+  struct Saved {
+    std::string table;
+    std::vector<std::shared_ptr<const FieldBlock>> blocks;
+  };
+  Saved Save() const;
+  // `blocks`: the voxels of the saved blocks, one after the other. DATA_LOSS for bytes that are
+  // not those of an updater.
+  static absl::StatusOr<FieldUpdater> Load(const MapConfig& config, const FusionOptions& fusion,
+                                           std::string_view table, std::string_view blocks);
 
  private:
   struct Extraction {
@@ -82,6 +102,7 @@ class FieldUpdater {
   void Propagate(const std::vector<SeedTask>& tasks);
   void Finish();
   void FinishBlock(int32_t id);
+  void PublishBlock(int32_t id);
   void Publish();
 
   double voxel_size_m_;

@@ -42,6 +42,30 @@ void SiteBlock::Update(const BlockSites& newest) {
              [&](int o) { sites.push_back(Test(fresh_, o) ? newest.site[o] : *Find(o)); });
   sites_ = std::move(sites);
   mask_ = newest.mask;
+  CountSites();
+}
+
+void SiteBlock::Save(ByteWriter* out) const {
+  out->Put(index_);
+  out->Put(mask_);
+  out->PutVector(sites_);
+  out->PutVector(referrers);
+}
+
+absl::StatusOr<SiteBlock> SiteBlock::Load(ByteReader* in) {
+  SiteBlock block(in->Get<BlockIndex>());
+  block.mask_ = in->Get<BlockMask>();
+  block.CountSites();
+  block.sites_ = in->GetVector<FieldVoxel>();
+  block.referrers = in->GetVector<int32_t>();
+  if (!in->ok()) return in->Finish();
+  size_t expected = 0;
+  ForEachSet(block.mask_, [&expected](int) { ++expected; });
+  if (block.sites_.size() != expected) return in->Error("a block's sites do not match its mask");
+  return block;
+}
+
+void SiteBlock::CountSites() {
   uint16_t count = 0;
   for (int w = 0; w < 8; ++w) {
     first_[w] = count;

@@ -6,6 +6,8 @@
 #include <deque>
 #include <vector>
 
+#include "absl/status/statusor.h"
+#include "server/core/bytes.h"
 #include "server/esdf/site_extraction.h"
 #include "server/map/distance_field.h"
 
@@ -47,10 +49,17 @@ class SiteBlock {
   bool changed() const { return fresh_ != BlockMask{} || gone_ != BlockMask{}; }
   void Settle() { fresh_ = gone_ = {}; }
 
+  // For snapshots, between two updates: everything.
+  void Save(ByteWriter* out) const;
+  // DATA_LOSS for bytes that Save did not write.
+  static absl::StatusOr<SiteBlock> Load(ByteReader* in);
+
   // Field blocks whose voxels may name a site of this block; may list more than do.
   std::vector<int32_t> referrers;
 
  private:
+  void CountSites();
+
   BlockIndex index_;
   BlockMask mask_{}, fresh_{}, gone_{};
   std::array<uint16_t, 8> first_{};  // number of sites before each word of the mask

@@ -29,6 +29,23 @@ void AppendPose(std::vector<PoseStamp>& path, const PoseStamp& pose, size_t limi
   path.push_back(pose);
 }
 
+void SavePath(const std::vector<PoseStamp>& path, ByteWriter* out) {
+  out->Put<uint64_t>(path.size());
+  for (const PoseStamp& p : path) {
+    out->Put(p.stamp_ns);
+    out->PutPose(p.pose);
+  }
+}
+
+std::vector<PoseStamp> LoadPath(ByteReader* in) {
+  std::vector<PoseStamp> path(in->GetCount(sizeof(int64_t) + sizeof(Eigen::Matrix4d)));
+  for (PoseStamp& p : path) {
+    p.stamp_ns = in->Get<int64_t>();
+    p.pose = in->GetPose();
+  }
+  return path;
+}
+
 ObjectSubmap::ObjectSubmap(ObjectId id, uint32_t generation, double voxel_size_m,
                            std::string source_id)
     : id_(id),
@@ -112,6 +129,61 @@ void ObjectSubmap::Age(int64_t stamp_ns, bool observed, const MapConfig& config)
   } else if (stamp_ns > last_seen_ns_ || !pose_frame_id_) {
     life_state_ = LifeState::kCoasting;
   }
+}
+
+void ObjectSubmap::Save(ByteWriter* out) const {
+  out->Put(id_.value());
+  out->Put(generation_);
+  out->PutText(source_id_);
+  out->PutText(class_name_);
+  out->Put(life_state_);
+  out->PutPose(T_W_L_);
+  out->Put<uint8_t>(pose_frame_id_.has_value());
+  out->Put(pose_frame_id_.value_or(0));
+  for (int64_t stamp_ns : {pose_stamp_ns_, first_seen_ns_, last_seen_ns_, pose_known_ns_}) {
+    out->Put(stamp_ns);
+  }
+  out->Put(observations_);
+  out->PutMatrix(screw_W_);
+  out->Put(position_sigma_m_);
+  out->Put(velocity_sigma_mps_);
+  out->Put<uint64_t>(recent_motions_.size());
+  for (const MotionSample& m : recent_motions_) {
+    out->Put(m.stamp_ns);
+    out->Put(m.period_s);
+    out->PutPose(m.H_W);
+  }
+  SavePath(*history_, out);
+}
+
+ObjectSubmap ObjectSubmap::Load(ByteReader* in, SurfaceMap surface) {
+  const ObjectId id(in->Get<uint16_t>());
+  const uint32_t generation = in->Get<uint32_t>();
+  ObjectSubmap object(id, generation, surface.voxel_size_m(), std::string(in->GetText()));
+  object.class_name_ = std::string(in->GetText());
+  object.life_state_ = in->Get<LifeState>();
+  object.T_W_L_ = in->GetPose();
+  const bool has_pose_frame = in->Get<uint8_t>() != 0;
+  const uint64_t pose_frame_id = in->Get<uint64_t>();
+  if (has_pose_frame) object.pose_frame_id_ = pose_frame_id;
+  for (int64_t* stamp_ns : {&object.pose_stamp_ns_, &object.first_seen_ns_, &object.last_seen_ns_,
+                            &object.pose_known_ns_}) {
+    *stamp_ns = in->Get<int64_t>();
+  }
+  object.observations_ = in->Get<uint64_t>();
+  in->GetMatrix(object.screw_W_);
+  object.position_sigma_m_ = in->Get<double>();
+  object.velocity_sigma_mps_ = in->Get<double>();
+  for (size_t left = in->GetCount(sizeof(int64_t)); left > 0 && in->ok(); --left) {
+    MotionSample m;
+    m.stamp_ns = in->Get<int64_t>();
+    m.period_s = in->Get<double>();
+    m.H_W = in->GetPose();
+    object.recent_motions_.push_back(m);
+  }
+  object.history_ = std::make_shared<const std::vector<PoseStamp>>(LoadPath(in));
+  object.surface_ = std::move(surface);
+  return object;
 }
 
 ObjectView ObjectSubmap::View(int64_t stamp_ns) const {

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "server/core/bytes.h"
 #include "server/core/object_id.h"
 #include "server/core/pose.h"
 #include "server/map/map_config.h"
@@ -20,6 +21,8 @@ namespace clearance {
 // all.
 void AppendPose(std::vector<PoseStamp>& path, const PoseStamp& pose, size_t limit);
 inline constexpr size_t kMaxHistoryPoses = 1024;
+void SavePath(const std::vector<PoseStamp>& path, ByteWriter* out);
+std::vector<PoseStamp> LoadPath(ByteReader* in);
 
 // The paper's R^j with its pose chain and life cycle. Moving it changes one pose and no voxel.
 // Not thread-safe: owned by the mapping thread.
@@ -50,6 +53,10 @@ class ObjectSubmap {
   // Life cycle by frame stamps: TRACKED -> COASTING -> LOST -> RETIRED.
   void Age(int64_t stamp_ns, bool observed, const MapConfig& config);
   void Retire() { life_state_ = LifeState::kRetired; }
+  // For snapshots: everything but the surface, exactly.
+  void Save(ByteWriter* out) const;
+  static ObjectSubmap Load(ByteReader* in, SurfaceMap surface);
+
   // All but the shape, which the publisher derives from surface().
   ObjectView View(int64_t stamp_ns) const;
 

@@ -88,4 +88,12 @@ absl::StatusOr<std::string> WriteVdb(const openvdb::GridCPtrVec& grids) try {
   return absl::InternalError(absl::StrFormat("writing the .vdb file failed: %s", error.what()));
 }
 
+absl::StatusOr<openvdb::GridPtrVec> ReadVdb(std::string bytes) try {
+  openvdb::initialize();
+  std::istringstream in(std::move(bytes), std::ios::binary);
+  return *openvdb::io::Stream(in, /*delayLoad=*/false).getGrids();
+} catch (const std::exception& error) {
+  return absl::DataLossError(absl::StrFormat("reading the .vdb file failed: %s", error.what()));
+}
+
 }  // namespace clearance

@@ -25,4 +25,7 @@ openvdb::Int32Grid::Ptr FreeSpaceGrid(const DistanceField& field);
 // One file with all grids, as bytes. INTERNAL where OpenVDB fails.
 absl::StatusOr<std::string> WriteVdb(const openvdb::GridCPtrVec& grids);
 
+// The grids of a file's bytes. DATA_LOSS where they are no .vdb file.
+absl::StatusOr<openvdb::GridPtrVec> ReadVdb(std::string bytes);
+
 }  // namespace clearance

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "server/map/eviction.h"
+
 namespace clearance {
 
 WorldMap::WorldMap(const MapConfig& config) : config_(config), static_map_(config.voxel_size_m) {}
@@ -83,6 +85,61 @@ AppliedChanges WorldMap::Edit(const RegionEdit& edit) {
   changes.static_blocks = static_map_.Edit(edit.action, box, sdf, config_.truncation(), fusion_);
   ++revision_;
   return changes;
+}
+
+std::vector<BlockIndex> WorldMap::Evict(const Eigen::Vector3d& centre_W, double radius_m) {
+  ++revision_;
+  return EvictBeyond(static_map_, centre_W, radius_m);
+}
+
+void WorldMap::Save(ByteWriter* out) const {
+  const auto save = [out](const ObjectSubmap& object) {
+    out->Put(object.id().value());
+    out->Put(object.generation());
+    object.Save(out);
+  };
+  out->Put<uint64_t>(objects_.size());
+  for (const auto& [id, object] : objects_) save(object);
+  out->Put<uint64_t>(retired_.size());
+  for (const ObjectSubmap& object : retired_) save(object);
+  out->Put<uint64_t>(last_frame_ids_.size());
+  for (const auto& [source, frame_id] : last_frame_ids_) {
+    out->PutText(source);
+    out->Put(frame_id);
+  }
+  SavePath(sensor_path_, out);
+  out->Put(stamp_ns_);
+  out->Put(revision_);
+}
+
+absl::StatusOr<WorldMap> WorldMap::Load(const MapConfig& config, ByteReader* in,
+                                        const SurfaceSource& surface) {
+  WorldMap world(config);
+  absl::StatusOr<SurfaceMap> static_map = surface(kStaticWorld, 0);
+  if (!static_map.ok()) return static_map.status();
+  world.static_map_ = *std::move(static_map);
+  std::vector<ObjectSubmap> objects;
+  const auto load = [&](std::vector<ObjectSubmap>* out) -> absl::Status {
+    for (size_t left = in->GetCount(sizeof(Eigen::Matrix4d)); left > 0 && in->ok(); --left) {
+      const ObjectId id(in->Get<uint16_t>());
+      absl::StatusOr<SurfaceMap> own = surface(id, in->Get<uint32_t>());
+      if (!own.ok()) return own.status();
+      out->push_back(ObjectSubmap::Load(in, *std::move(own)));
+    }
+    return absl::OkStatus();
+  };
+  if (absl::Status s = load(&objects); !s.ok()) return s;
+  for (ObjectSubmap& object : objects) world.objects_.emplace(object.id(), std::move(object));
+  if (absl::Status s = load(&world.retired_); !s.ok()) return s;
+  for (size_t left = in->GetCount(1); left > 0 && in->ok(); --left) {
+    std::string source(in->GetText());
+    world.last_frame_ids_[std::move(source)] = in->Get<uint64_t>();
+  }
+  world.sensor_path_ = LoadPath(in);
+  world.stamp_ns_ = in->Get<int64_t>();
+  world.revision_ = in->Get<uint64_t>();
+  if (!in->ok()) return in->Finish();
+  return world;
 }
 
 uint64_t WorldMap::MemoryBytes() const {

@@ -2,11 +2,13 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "absl/status/statusor.h"
 #include "server/map/map_config.h"
 #include "server/map/map_update.h"
 #include "server/map/object_submap.h"
@@ -56,8 +58,18 @@ class WorldMap {
 
   AppliedChanges Apply(const MapUpdate& update);
   AppliedChanges Edit(const RegionEdit& edit);
+  // Forgets the static map's blocks farther than `radius_m` from `centre_W`; returns them.
+  std::vector<BlockIndex> Evict(const Eigen::Vector3d& centre_W, double radius_m);
 
   uint64_t MemoryBytes() const;
+
+  // For snapshots: everything but the surfaces, and a world that goes on exactly as the saved one.
+  // `surface(id, generation)` gives each surface, (0, 0) the static one. DATA_LOSS for bytes that
+  // Save did not write.
+  void Save(ByteWriter* out) const;
+  using SurfaceSource = std::function<absl::StatusOr<SurfaceMap>(ObjectId, uint32_t)>;
+  static absl::StatusOr<WorldMap> Load(const MapConfig& config, ByteReader* in,
+                                       const SurfaceSource& surface);
 
  private:
   void Retire(ObjectSubmap& object);

@@ -54,6 +54,18 @@ void FillMapStats(const MappingEngine& engine, v1::MapStats* out) {
   out->set_lost_objects(counts[static_cast<int>(LifeState::kLost)]);
   out->set_retired_objects(counts[static_cast<int>(LifeState::kRetired)]);
   for (const auto& [stage, latency] : stats.stages) ToProto(stage, latency, out->add_stages());
+  if (stats.log) {
+    v1::LogStats* log = out->mutable_log();
+    log->set_first_record(stats.log->first_index);
+    log->set_last_record(stats.log->last_index);
+    log->set_segments(stats.log->segments);
+    log->set_bytes(stats.log->bytes);
+    log->set_appended(stats.log->appended);
+    log->set_failed(stats.log->failed);
+    log->set_syncs(stats.log->syncs);
+  }
+  out->set_evictions(stats.evictions);
+  out->set_over_memory(stats.over_memory);
 }
 
 }  // namespace
@@ -113,6 +125,13 @@ grpc::ServerUnaryReactor* AdminServiceImpl::GetStats(grpc::CallbackServerContext
       return reactor;
     }
     FillMapStats(**engine, stats.add_maps());
+  }
+  if (service_->registry->durable()) {
+    const SnapshotterStats snapshots = service_->registry->snapshot_stats();
+    stats.mutable_snapshots()->set_written(snapshots.written);
+    stats.mutable_snapshots()->set_failed(snapshots.failed);
+    stats.mutable_snapshots()->set_last_ms(snapshots.last_ms);
+    stats.mutable_snapshots()->set_last_error(snapshots.last_error);
   }
   const ProcessUse use = ReadProcessUse();
   stats.set_resident_bytes(use.resident_bytes);

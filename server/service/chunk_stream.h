@@ -12,7 +12,7 @@
 
 #include "absl/status/statusor.h"
 #include "proto/wire/grpc_status.h"
-#include "server/service/crc32c.h"
+#include "server/core/crc32c.h"
 #include "server/service/service_context.h"
 
 namespace clearance {

@@ -6,6 +6,7 @@
 #include "proto/wire/frame.h"
 #include "proto/wire/ids.h"
 #include "proto/wire/status_details.h"
+#include "server/service/frame_codec.h"
 #include "server/service/ingest_stream.h"
 #include "server/service/unary_call.h"
 
@@ -33,8 +34,12 @@ absl::Status Submit(ServiceContext* service, const v1::IngestFrameRequest& reque
     call->Finish(std::move(response));
   };
   absl::StatusOr<Frame> frame = DecodeFrame(*service, request.frame(), *source, *max_range_m);
+  std::string encoded;
+  if (frame.ok() && (*engine)->folder()) {
+    encoded = EncodeFrameForLog(request.frame(), *source, *max_range_m);
+  }
   const Admission admission =
-      frame.ok() ? (*engine)->Submit(*std::move(frame), on_ack)
+      frame.ok() ? (*engine)->Submit(*std::move(frame), on_ack, &encoded)
                  : (*engine)->SubmitRejected(*source, request.frame().frame_id(),
                                              wire::ViolationsOf(frame.status()), on_ack);
   switch (admission) {
@@ -42,6 +47,8 @@ absl::Status Submit(ServiceContext* service, const v1::IngestFrameRequest& reque
       return absl::OkStatus();
     case Admission::kStopped:
       return DrainingError();
+    case Admission::kOverMemory:
+      return OverMemoryError(**engine);
     case Admission::kFull:
       break;
   }

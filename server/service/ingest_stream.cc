@@ -8,6 +8,7 @@
 #include "proto/wire/grpc_status.h"
 #include "proto/wire/ids.h"
 #include "proto/wire/status_details.h"
+#include "server/service/frame_codec.h"
 #include "server/service/resolve.h"
 
 namespace clearance {
@@ -59,6 +60,14 @@ absl::StatusOr<Frame> DecodeFrame(const ServiceContext& service, const v1::Frame
   return decoded;
 }
 
+absl::Status OverMemoryError(const MappingEngine& engine) {
+  return wire::WithRetry(
+      absl::ResourceExhaustedError(absl::StrFormat(
+          "%s: no more frames are taken. Clear a region, delete a map or raise the limit",
+          engine.Stats().over_memory)),
+      absl::Seconds(5));
+}
+
 IngestStream* IngestStream::Start(ServiceContext* service, IngestSessions* sessions) {
   std::shared_ptr<IngestStream> stream(new IngestStream(service, sessions));
   stream->self_ = stream;
@@ -87,9 +96,16 @@ void IngestStream::Close(v1::IngestClosingReason reason) {
     MutexLock lock(&mu_);
     if (opened_ && !closing_ && !end_) {
       closing_ = reason;
-      EndWith(reason == v1::INGEST_CLOSING_REASON_DELETED
-                  ? absl::NotFoundError(absl::StrFormat("map '%s' was deleted", engine_->id()))
-                  : DrainingError());
+      if (reason == v1::INGEST_CLOSING_REASON_DELETED) {
+        EndWith(absl::NotFoundError(absl::StrFormat("map '%s' was deleted", engine_->id())));
+      } else if (reason == v1::INGEST_CLOSING_REASON_RESTORED) {
+        EndWith(wire::WithRetry(
+            absl::UnavailableError(absl::StrFormat(
+                "a snapshot of map '%s' is being restored; open again", engine_->id())),
+            absl::Seconds(1)));
+      } else {
+        EndWith(DrainingError());
+      }
     }
   }
   Drive();
@@ -217,6 +233,13 @@ void IngestStream::OnReadDone(bool ok) {
 
 absl::Status IngestStream::OpenFrom(const v1::IngestFramesRequest& request) {
   if (service_->draining) return DrainingError();
+  if (service_->open_streams > static_cast<int64_t>(service_->limits.max_streams)) {
+    return wire::WithRetry(
+        absl::ResourceExhaustedError(absl::StrFormat(
+            "%d streams are open already, limit %d; close one, or raise limits.max_streams",
+            service_->limits.max_streams, service_->limits.max_streams)),
+        absl::Seconds(1));
+  }
   if (!request.has_open()) {
     return wire::InvalidField("message", -1, request.has_frame() ? "frame" : "nothing",
                               "open as the first message");
@@ -263,8 +286,15 @@ absl::Status IngestStream::OpenFrom(const v1::IngestFramesRequest& request) {
   // Whatever happened meanwhile has not seen this stream open.
   if (gone) Leave();
   if (service_->draining) Close(v1::INGEST_CLOSING_REASON_DRAINING);
-  if (!service_->registry->Get(open.map()).ok()) Close(v1::INGEST_CLOSING_REASON_DELETED);
+  if (!service_->registry->Get(open.map()).ok()) Close(ReasonOfEnd());
   return absl::OkStatus();
+}
+
+v1::IngestClosingReason IngestStream::ReasonOfEnd() const {
+  if (service_->draining) return v1::INGEST_CLOSING_REASON_DRAINING;
+  const absl::Status found = service_->registry->Get(engine_->id()).status();
+  return absl::IsNotFound(found) ? v1::INGEST_CLOSING_REASON_DELETED
+                                 : v1::INGEST_CLOSING_REASON_RESTORED;
 }
 
 void IngestStream::TakeFrame(const v1::Frame& frame) {
@@ -282,6 +312,7 @@ void IngestStream::TakeFrame(const v1::Frame& frame) {
   absl::StatusOr<Frame> decoded = DecodeFrame(*service_, frame, source_, max_range_m_);
   if (decoded.ok()) {
     arrival->frame = *std::move(decoded);
+    if (engine_->folder()) arrival->encoded = EncodeFrameForLog(frame, source_, max_range_m_);
   } else {
     arrival->frame.frame_id = frame.frame_id();
     arrival->violations = wire::ViolationsOf(decoded.status());
@@ -293,7 +324,7 @@ void IngestStream::Admit(std::shared_ptr<Arrival> arrival) {
   const auto on_ack = [self = shared_from_this()](const FrameAck& ack) { self->OnAck(ack); };
   const Admission admission =
       arrival->violations.empty()
-          ? engine_->Submit(std::move(arrival->frame), on_ack)
+          ? engine_->Submit(std::move(arrival->frame), on_ack, &arrival->encoded)
           : engine_->SubmitRejected(source_, arrival->frame.frame_id, arrival->violations, on_ack);
   if (admission == Admission::kFull) {
     {
@@ -306,11 +337,13 @@ void IngestStream::Admit(std::shared_ptr<Arrival> arrival) {
   {
     MutexLock lock(&mu_);
     parked_ = false;
-    if (admission == Admission::kStopped) {
+    if (admission == Admission::kOverMemory) {
+      --in_flight_;  // not settled: the client may send it again later
+      EndWith(OverMemoryError(*engine_));
+    } else if (admission == Admission::kStopped) {
       --in_flight_;  // not settled: the client sends it again
       if (!closing_ && !end_) {
-        closing_ = service_->draining ? v1::INGEST_CLOSING_REASON_DRAINING
-                                      : v1::INGEST_CLOSING_REASON_DELETED;
+        closing_ = ReasonOfEnd();
         EndWith(DrainingError());
       }
     } else if (!end_ && !broken_) {

@@ -23,6 +23,9 @@ void ToProto(const FrameAck& ack, v1::FrameAck* out);
 absl::StatusOr<Frame> DecodeFrame(const ServiceContext& service, const v1::Frame& frame,
                                   const std::string& source, double max_range_m);
 
+// RESOURCE_EXHAUSTED with RetryInfo: what a frame gets where a memory cap is reached.
+absl::Status OverMemoryError(const MappingEngine& engine);
+
 // Thread-safe. The transport, the mapping thread and the drain all push this state machine; only
 // one thread at a time acts on the stream (Drive), so nothing is started twice or after the end.
 class IngestStream final
@@ -55,10 +58,13 @@ class IngestStream final
   // without a thread where the queue is full.
   struct Arrival {
     Frame frame;
+    std::string encoded;  // for the log, where there is one
     std::vector<Violation> violations;
   };
   void Admit(std::shared_ptr<Arrival> arrival);
   void OnAck(const FrameAck& ack);
+  // Why the map takes no more frames.
+  v1::IngestClosingReason ReasonOfEnd() const;
   void Leave();
 
   ServiceContext* const service_;

@@ -16,6 +16,7 @@
 #include "server/service/listen_check.h"
 #include "server/service/map_service.h"
 #include "server/service/query_service.h"
+#include "server/service/snapshot_service.h"
 #include "server/service/watch_service.h"
 
 namespace clearance {
@@ -42,10 +43,10 @@ struct ClearanceServer::Services {
   Services(ServiceContext* context, std::function<void(const std::string&, bool)> serving_changed)
       : ingest(context, &sessions),
         query(context),
-        map(context, &sessions, std::move(serving_changed)),
+        map(context, &sessions, serving_changed),
         exports(context),
         admin(context),
-        watch(context) {}
+        watch(context) snapshot(context, &sessions, serving_changed) {}
 
   std::array<grpc::Service*, 7> All() {
     return {&ingest, &query, &map, &exports, &admin, &watch, &snapshot};
@@ -116,13 +117,32 @@ absl::Status ClearanceServer::Listen() {
     health->SetServingStatus(absl::StrFormat("clearance.v1.%sService", name), true);
   }
   // Declared, but not offered yet.
-  for (const char* name : {"Snapshot"}) {
-    health->SetServingStatus(absl::StrFormat("clearance.v1.%sService", name), false);
+  for (const char* name : {"Snapshot"}) if (context_.registry->loading()) {
+    services_->grpc->GetHealthCheckService()->SetServingStatus(false);
+    ShowServing(false);
+  } else {
+    Loaded();
   }
+  return absl::OkStatus();
+}
+
+void ClearanceServer::Loaded() {
+  services_->grpc->GetHealthCheckService()->SetServingStatus(true);
+  ShowServing(true);
   for (const MapRegistry::EnginePtr& engine : context_.registry->List()) {
     SetMapServing(engine->id(), true);
   }
-  return absl::OkStatus();
+}
+
+void ClearanceServer::ShowServing(bool serving) {
+  grpc::HealthCheckServiceInterface* health = services_->grpc->GetHealthCheckService();
+  health->SetServingStatus("", serving);
+  for (const char* name : {"Ingest", "Query", "Map", "Export", "Admin"}) {
+    health->SetServingStatus(absl::StrFormat("clearance.v1.%sService", name), serving);
+  }
+  health->SetServingStatus("clearance.v1.SnapshotService", serving && context_.registry->durable());
+  // Declared, but not offered yet.
+  health->SetServingStatus("clearance.v1.WatchService", false);
 }
 
 std::shared_ptr<grpc::Channel> ClearanceServer::InProcessChannel() {

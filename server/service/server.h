@@ -38,6 +38,9 @@ class ClearanceServer {
   std::shared_ptr<grpc::Channel> InProcessChannel();
   // Keeps the health of maps/<id> for maps that are made beside the MapService.
   void SetMapServing(const std::string& map, bool serving);
+  // The registry has recovered its maps: serves from now on. Start does it where there is nothing
+  // to recover.
+  void Loaded();
   ServiceContext& context() { return context_; }
 
   // NOT_SERVING at once; ingest streams settle, get their acks and IngestClosing; running calls
@@ -50,6 +53,7 @@ class ClearanceServer {
 
   ClearanceServer(MapRegistry* registry, const ServerOptions& options);
   absl::Status Listen();
+  void ShowServing(bool serving);
 
   const ServerOptions options_;
   WorkerPool pool_;

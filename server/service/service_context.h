@@ -25,6 +25,7 @@ struct ServiceLimits {
   uint64_t max_motions = 4096;
   uint64_t max_maps = 64;
   double max_wait_s = 60.0;
+  uint64_t max_streams = 1024;  // open at a time, of all kinds
   uint64_t credits = 8;         // frames in flight, a stream, policy block
   uint64_t live_credits = 256;  // the same, policy drop_oldest_static
   MapConfig map_defaults;

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "server/core/bytes.h"
 #include "server/engine/map_model.h"
 #include "server/engine/map_registry.h"
 
@@ -18,7 +19,8 @@ struct FakeLog {
   std::mutex mu;
   std::vector<uint64_t> integrated;         // frame ids, in order
   std::vector<uint64_t> integrated_points;  // of the same frames
-  std::atomic<int> edits = 0;
+  std::atomic<int> edits = 0, evictions = 0;
+  std::atomic<uint64_t> memory_bytes = 1000;  // what maps say they take
 };
 
 class FakeModel final : public MapModel {
@@ -58,7 +60,31 @@ class FakeModel final : public MapModel {
     view.field = DistanceField(config_.voxel_size_m, config_.max_distance_m);
     return view;
   }
-  MapSizes Sizes() override { return {1000, 10, 1, std::nullopt}; }
+  uint64_t revision() const override { return revision_; }
+  std::optional<Eviction> ChooseEviction(double) override { return Eviction{}; }
+  void Evict(const Eviction&) override {
+    ++log_->evictions;
+    ++revision_;
+  }
+  std::unique_ptr<FrozenModel> Freeze() override {
+    ByteWriter out;
+    out.Put(revision_);
+    out.Put(stamp_ns_);
+    return std::make_unique<Frozen>(out.Take());
+  }
+  static absl::StatusOr<std::unique_ptr<MapModel>> Load(const MapConfig& config,
+                                                        std::shared_ptr<FakeLog> log,
+                                                        const FileSource& files) {
+    auto model = std::make_unique<FakeModel>(config, std::move(log));
+    const absl::StatusOr<std::string> state = files("fake.bin");
+    if (!state.ok()) return state.status();
+    ByteReader in(*state, "fake.bin");
+    model->revision_ = in.Get<uint64_t>();
+    model->stamp_ns_ = in.Get<int64_t>();
+    if (absl::Status s = in.Finish(); !s.ok()) return s;
+    return model;
+  }
+  MapSizes Sizes() override { return {log_->memory_bytes, 10, 1, std::nullopt}; }
   absl::StatusOr<Surface> FindSurface(ObjectId id, uint32_t) override {
     if (!id.is_static()) return absl::NotFoundError("object does not exist. Objects: none");
     return Surface{&surface_, Pose::Identity(), id, 0};
@@ -73,6 +99,15 @@ class FakeModel final : public MapModel {
   }
 
  private:
+  class Frozen final : public FrozenModel {
+   public:
+    explicit Frozen(std::string state) : state_(std::move(state)) {}
+    absl::Status Write(const FileSink& sink) const override { return sink("fake.bin", state_); }
+
+   private:
+    const std::string state_;
+  };
+
   const MapConfig config_;
   const std::shared_ptr<FakeLog> log_;
   SurfaceMap surface_;

@@ -189,21 +189,6 @@ TEST_F(MappingEngineTest, OverloadDropsPointsButNeverPoses) {
   EXPECT_EQ(engine->Stats().sources[0].dropped, 2u);
 }
 
-TEST_F(MappingEngineTest, AFrameLogMakesTwoAcks) {
-  EngineOptions options;
-  options.append_to_log = [](const Frame& frame) {
-    return frame.frame_id == 2 ? absl::UnavailableError("disk full") : absl::OkStatus();
-  };
-  auto engine = Make(std::move(options));
-  engine->Submit(FakeFrame(1), acks_.Callback());
-  engine->Submit(FakeFrame(2), acks_.Callback());
-  const auto acks = acks_.Wait(3);
-  EXPECT_EQ(acks[0].status, Status::kAccepted);
-  EXPECT_EQ(acks[1].status, Status::kIntegrated);
-  EXPECT_EQ(acks[2].status, Status::kRejected);
-  EXPECT_THAT(acks[2].violations.at(0).description, HasSubstr("disk full"));
-}
-
 TEST_F(MappingEngineTest, EditsRunBetweenFramesAndMakeARevisionThatIsNotFresher) {
   auto engine = Make();
   engine->Submit(FakeFrame(1), acks_.Callback());

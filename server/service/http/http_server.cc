@@ -50,8 +50,11 @@ absl::StatusOr<std::unique_ptr<HttpServer>> HttpServer::Start(const std::string&
     response.set_content("ok\n", "text/plain");
   });
   server.Get("/readyz", [service](const httplib::Request&, httplib::Response& response) {
-    response.status = service->draining ? 503 : 200;
-    response.set_content(service->draining ? "draining\n" : "ready\n", "text/plain");
+    const char* state = service->draining              ? "draining\n"
+                        : service->registry->loading() ? "loading\n"
+                                                       : "ready\n";
+    response.status = std::string_view(state) == "ready\n" ? 200 : 503;
+    response.set_content(state, "text/plain");
   });
   server.Get("/metrics", [service](const httplib::Request&, httplib::Response& response) {
     response.set_content(MetricsText(*service), "text/plain; version=0.0.4");

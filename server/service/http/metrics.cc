@@ -93,6 +93,18 @@ void AddMap(const MappingEngine& engine, Families* out) {
   for (int s = 1; s < 5; ++s) {
     out->Gauge("clearance_objects", "Objects by life state", counts[s], with("state", kStates[s]));
   }
+  if (stats.log) {
+    out->Counter("clearance_log_records_total", "Records appended to the frame log",
+                 stats.log->appended, map);
+    out->Counter("clearance_log_failures_total", "Records that the frame log could not take",
+                 stats.log->failed, map);
+    out->Gauge("clearance_log_bytes", "Size of the frame log", stats.log->bytes, map);
+    out->Gauge("clearance_log_segments", "Files of the frame log", stats.log->segments, map);
+  }
+  out->Counter("clearance_evictions_total", "Times the map forgot what is far", stats.evictions,
+               map);
+  out->Gauge("clearance_over_memory", "1 while a memory limit refuses frames",
+             stats.over_memory.empty() ? 0 : 1, map);
   for (const auto& [stage, latency] : stats.stages) {
     out->Gauge("clearance_stage_p95_seconds", "95th percentile of a stage of integration",
                latency.p95_ms * 1e-3, with("stage", stage));
@@ -109,6 +121,16 @@ std::string MetricsText(const ServiceContext& service) {
   out.Gauge("clearance_resident_bytes", "Resident memory", use.resident_bytes);
   out.Gauge("clearance_threads", "Threads", use.threads);
   out.Gauge("clearance_open_streams", "Open streams", service.open_streams);
+  if (service.registry->durable()) {
+    const SnapshotterStats snapshots = service.registry->snapshot_stats();
+    const char* kName = "clearance_snapshots_total";
+    const char* kHelp = "Snapshots by outcome";
+    out.Counter(kName, kHelp, snapshots.written, {{"outcome", "written"}});
+    out.Counter(kName, kHelp, snapshots.failed, {{"outcome", "failed"}});
+    out.Gauge("clearance_snapshot_seconds", "Duration of the newest snapshot",
+              snapshots.last_ms * 1e-3);
+  }
+  out.Gauge("clearance_loading", "1 while maps are recovered", service.registry->loading() ? 1 : 0);
   for (const auto& engine : service.registry->List()) AddMap(*engine, &out);
   for (const CallStats::Entry& entry : service.calls.Counts()) {
     out.Counter("clearance_calls_total", "Finished calls by method and code", entry.count,
