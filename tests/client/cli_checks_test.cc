@@ -43,11 +43,12 @@ TEST(Doctor, ReadsCertificates) {
   const std::string folder = ::testing::TempDir() + "doctor_" + std::to_string(getpid());
   std::filesystem::create_directories(folder);
   const std::string pem = folder + "/c.pem";
-  ASSERT_EQ(std::system(("openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes "
-                         "-days 100 -subj /CN=x -keyout " +
-                         folder + "/c.key -out " + pem + " 2>/dev/null")
-                            .c_str()),
-            0);
+  ASSERT_EQ(
+      std::system(("openssl req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes "
+                   "-days 100 -subj /CN=x -keyout " +
+                   folder + "/c.key -out " + pem + " 2>/dev/null")
+                      .c_str()),
+      0);
   const absl::Time now = absl::Now();
   EXPECT_EQ(CheckCertificate(pem, now + absl::Hours(1)).level, Finding::kGood);
   EXPECT_EQ(CheckCertificate(pem, now + absl::Hours(24 * 90)).level, Finding::kWarning);

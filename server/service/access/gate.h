@@ -19,9 +19,9 @@ namespace clearance {
 // listed below answers UNIMPLEMENTED: nothing is open by omission. Streams whose messages name
 // their map are let in with the right on some map; their handlers check each map.
 template <typename Service>
-class Gate : public Service::CallbackService {
+class ServiceGate : public Service::CallbackService {
  public:
-  Gate(const Access* access, typename Service::CallbackService* inner)
+  ServiceGate(const Access* access, typename Service::CallbackService* inner)
       : access_(access), inner_(inner) {}
 
  protected:
@@ -52,14 +52,14 @@ class Gate : public Service::CallbackService {
     return inner_->Rpc(context);                                                          \
   }
 
-struct IngestGate final : Gate<v1::IngestService> {
-  using Gate::Gate;
+struct IngestGate final : ServiceGate<v1::IngestService> {
+  using ServiceGate::ServiceGate;
   CLEARANCE_STREAM(IngestFrames, kIngest, OnSomeMap())
   CLEARANCE_UNARY(IngestFrame, kIngest, OnMap(request->map()))
 };
 
-struct QueryGate final : Gate<v1::QueryService> {
-  using Gate::Gate;
+struct QueryGate final : ServiceGate<v1::QueryService> {
+  using ServiceGate::ServiceGate;
   CLEARANCE_UNARY(QueryPoints, kRead, OnMap(request->map()))
   CLEARANCE_UNARY(CheckTrajectories, kRead, OnMap(request->map()))
   CLEARANCE_UNARY(CheckSpheres, kRead, OnMap(request->map()))
@@ -71,8 +71,8 @@ struct QueryGate final : Gate<v1::QueryService> {
   CLEARANCE_UNARY(ReleasePin, kRead, OnMap(request->map()))
 };
 
-struct MapGate final : Gate<v1::MapService> {
-  using Gate::Gate;
+struct MapGate final : ServiceGate<v1::MapService> {
+  using ServiceGate::ServiceGate;
   CLEARANCE_UNARY(CreateMap, kAdmin, OnMap(request->map()))
   CLEARANCE_UNARY(GetMap, kRead, OnMap(request->map()))
   CLEARANCE_UNARY(ListMaps, kRead, OnEveryMap())
@@ -81,27 +81,27 @@ struct MapGate final : Gate<v1::MapService> {
   CLEARANCE_UNARY(RepositionSubmaps, kAdmin, OnMap(request->map()))
 };
 
-struct ExportGate final : Gate<v1::ExportService> {
-  using Gate::Gate;
+struct ExportGate final : ServiceGate<v1::ExportService> {
+  using ServiceGate::ServiceGate;
   CLEARANCE_WRITES(ExportMesh, kRead, OnMap(request->map()))
   CLEARANCE_WRITES(ExportGrid, kRead, OnMap(request->map()))
 };
 
-struct WatchGate final : Gate<v1::WatchService> {
-  using Gate::Gate;
+struct WatchGate final : ServiceGate<v1::WatchService> {
+  using ServiceGate::ServiceGate;
   CLEARANCE_WRITES(WatchMap, kRead, OnMap(request->map()))
 };
 
-struct SnapshotGate final : Gate<v1::SnapshotService> {
-  using Gate::Gate;
+struct SnapshotGate final : ServiceGate<v1::SnapshotService> {
+  using ServiceGate::ServiceGate;
   CLEARANCE_UNARY(CreateSnapshot, kAdmin, OnMap(request->map()))
   CLEARANCE_UNARY(ListSnapshots, kRead, OnMap(request->map()))
   CLEARANCE_UNARY(RestoreSnapshot, kAdmin, OnMap(request->map()))
   CLEARANCE_UNARY(DeleteSnapshot, kAdmin, OnMap(request->map()))
 };
 
-struct AdminGate final : Gate<v1::AdminService> {
-  using Gate::Gate;
+struct AdminGate final : ServiceGate<v1::AdminService> {
+  using ServiceGate::ServiceGate;
   CLEARANCE_UNARY(GetServerInfo, kRead, OnSomeMap())
   CLEARANCE_UNARY(GetStats, kRead, request->map().empty() ? OnEveryMap() : OnMap(request->map()))
   CLEARANCE_UNARY(Drain, kAdmin, OnEveryMap())
