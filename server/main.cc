@@ -84,6 +84,8 @@ clearance::ServerOptions ServerOptionsOf(const clearance::ServerConfig& config) 
   clearance::ServerOptions options;
   options.listen = config.listen;
   options.socket = config.socket;
+  options.tls = {config.tls_certificate, config.tls_key, config.tls_client_ca};
+  options.access_file = config.access_file;
   options.limits.max_message_bytes = config.max_message_bytes;
   options.limits.max_query_points = config.max_query_points;
   options.limits.max_slice_cells = config.max_slice_cells;
@@ -148,6 +150,11 @@ int Serve(const clearance::ServerConfig& config, const sigset_t& stop_signals) {
     if (!map.ok()) return Fail(map.status(), kFailed);
   }
   (*server)->Loaded();
+  if (config.allow_remote_plaintext && config.tls_certificate.empty()) {
+    std::cerr << "warning: serving in plain text; whoever reaches an address above can read every "
+                 "call and every token"
+              << std::endl;
+  }
   std::cout << "ready" << std::endl;
 
   int signal = 0;

@@ -278,5 +278,47 @@ TEST_F(LiveCommand, ThePythonClientIngestsAndMeasures) {
   EXPECT_EQ(run.exit_code, 0) << run.out;
 }
 
+TEST_F(LiveCommand, TopAndDoctorLookAtTheServer) {
+  const Outcome top = Clearance("top --count 1 --json");
+  ASSERT_EQ(top.exit_code, 0) << Err();
+  const Json json = Json::parse(top.out);
+  EXPECT_GT(json["resident_bytes"].get<uint64_t>(), 1'000'000u);
+  bool room = false;
+  for (const Json& map : json["maps"]) {
+    if (map["map"] != "room") continue;
+    room = true;
+    EXPECT_EQ(map["frames_integrated"], 6);
+    EXPECT_GT(map["frames_per_s"].get<double>(), 0);
+  }
+  EXPECT_TRUE(room);
+  EXPECT_THAT(Clearance("top --count 1").out, HasSubstr("frames/s"));
+  const Outcome doctor = Clearance("doctor --disk /tmp");
+  EXPECT_EQ(doctor.exit_code, 0) << Err();
+  EXPECT_THAT(doctor.out, HasSubstr("map room"));
+  EXPECT_EQ(Clearance("doctor --certificate /no/such.pem").exit_code, 5);
+}
+
+TEST_F(LiveCommand, ANodeClientMadeFromTheProtosAloneAgrees) {
+  if (Shell("node --version && npm --version").exit_code != 0) {
+    GTEST_SKIP() << "node or npm is not installed";
+  }
+  std::filesystem::copy("client/node", Path("node"), std::filesystem::copy_options::recursive);
+  const Outcome install = Shell("npm ci --prefix " + Path("node") + " --no-audit --no-fund 2>&1");
+  if (install.exit_code != 0) GTEST_SKIP() << "npm cannot install: " << install.out;
+  const Outcome run = Shell("CLEARANCE_PROTO=proto node " + Path("node/example.mjs") + " " +
+                            server_->address() + " room 2>&1");
+  ASSERT_EQ(run.exit_code, 0) << run.out;
+  for (const char* point : {"10 2 0.5", "5 0 0.5"}) {
+    for (const char* horizon : {"0", "1"}) {
+      const Json json = Json::parse(
+          Clearance(std::string("query ") + point + " --horizon " + horizon + " --map room --json")
+              .out);
+      char text[32];
+      std::snprintf(text, sizeof(text), "%.2f m", json["answers"][0]["distance_m"].get<double>());
+      EXPECT_THAT(run.out, HasSubstr(text)) << point << ", " << horizon << " s ahead";
+    }
+  }
+}
+
 }  // namespace
 }  // namespace clearance::client

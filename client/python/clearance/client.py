@@ -4,13 +4,11 @@ import collections
 
 import grpc
 
-from clearance import arrays
+from clearance import arrays, channel
 from clearance.errors import ClearanceError
 from clearance.ingest import IngestStream
 from clearance.v1 import (common_pb2, ingest_pb2_grpc, map_pb2, map_pb2_grpc, query_pb2,
                           query_pb2_grpc, watch_pb2, watch_pb2_grpc)
-
-_MAX_MESSAGE_BYTES = 16 << 20
 
 Answers = collections.namedtuple(
     "Answers", "distances_m states gradients object_ids sigmas_m objects stamp reference_ns")
@@ -25,14 +23,12 @@ above; gradients (n, 3) float32, unit, in the world; object_ids (n,) uint32, 0 =
 class Client:
     """Safe to use from several threads. Calls raise ClearanceError."""
 
-    def __init__(self, address="127.0.0.1:50051", map="", timeout_s=30.0, connect_timeout_s=3.0):
-        target = f"unix:{address}" if address.startswith(("/", "./")) else address
+    def __init__(self, address="127.0.0.1:50051", map="", timeout_s=30.0, connect_timeout_s=3.0, *,
+                 token="", tls_ca="", tls_certificate="", tls_key=""):
+        """`token` goes with every call; tls_*: paths of PEM files, as of the clearance command."""
         self.map = map
         self._timeout_s = timeout_s
-        self._channel = grpc.insecure_channel(target, options=[
-            ("grpc.max_receive_message_length", _MAX_MESSAGE_BYTES),
-            ("grpc.enable_http_proxy", 0),
-        ])
+        self._channel = channel.open_channel(address, token, tls_ca, tls_certificate, tls_key)
         try:
             grpc.channel_ready_future(self._channel).result(timeout=connect_timeout_s)
         except grpc.FutureTimeoutError:
