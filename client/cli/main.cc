@@ -54,8 +54,9 @@ int Main(int argc, char** argv) {
                  "file that holds this caller's token (or CLEARANCE_TOKEN holds it)")
       ->envname("CLEARANCE_TOKEN_FILE");
   if (const char* token = std::getenv("CLEARANCE_TOKEN")) context.credentials.token = token;
-  for (const auto add : {AddIngest, AddQuery, AddObjects, AddInfo, AddSlice, AddMesh, AddGrid,
-                         AddHealth, AddMap, AddBench, AddWatch, AddSnapshot, AddTop, AddDoctor, AddDrain, AddVersion}) {
+  for (const auto add :
+       {AddIngest, AddQuery, AddObjects, AddInfo, AddSlice, AddMesh, AddGrid, AddHealth, AddMap,
+        AddBench, AddWatch, AddSnapshot, AddTop, AddDoctor, AddDrain, AddVersion}) {
     add(app, context);
   }
   for (CLI::App* command : app.get_subcommands({})) {

@@ -94,19 +94,13 @@ void LiveMap::UpdateShapes(const AppliedChanges& changes) {
     const auto it = world_.objects().find(changed.id);
     if (it == world_.objects().end()) continue;
     const ObjectSubmap& object = it->second;
-    const bool known = shapes_.contains({object.id(), object.generation()});
+    std::shared_ptr<const ObjectShape>& shape = shapes_[{object.id(), object.generation()}];
     if (shape && changed.blocks.empty()) continue;
     shape = FollowSites(shape, ExtractSurfaceSites(object.surface(), world_.fusion()),
                         config_.voxel_size_m);
-(!known || !changed.blocks.empty()) BuildShape(object);
   }
   MarkMeshes(changes);
   if (shapes_.size() > world_.objects().size() + world_.retired().size()) ForgetEvicted();
-}
-
-void LiveMap::BuildShape(const ObjectSubmap& object) {
-  shapes_[{object.id(), object.generation()}] = BuildObjectShape(
-      ExtractSurfaceSites(object.surface(), world_.fusion()), config_.voxel_size_m);
 }
 
 void LiveMap::MarkMeshes(const AppliedChanges& changes) {

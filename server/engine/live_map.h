@@ -37,7 +37,6 @@ class LiveMap final : public MapModel {
  private:
   using SurfaceKey = std::pair<ObjectId, uint32_t>;  // and generation; (0, 0) is the static map
 
-  void BuildShape(const ObjectSubmap& object);
   void UpdateField(const AppliedChanges& changes);
   void UpdateShapes(const AppliedChanges& changes);
   void MarkMeshes(const AppliedChanges& changes);

@@ -1,10 +1,9 @@
 #include "server/engine/mapping_engine.h"
 
 #include <malloc.h>
-
-#include <algorithm>
 #include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 #include <utility>
 

@@ -47,7 +47,9 @@ struct ClearanceServer::Services {
         map(context, &sessions, serving_changed),
         exports(context),
         admin(context),
-        watch(context) snapshot(context, &sessions, serving_changed) gates(context->access, this) {}
+        watch(context),
+        snapshot(context, &sessions, serving_changed),
+        gates(context->access, this) {}
 
   std::array<grpc::Service*, 7> All() {
     return {&gates.ingest, &gates.query, &gates.map,     &gates.exports,
@@ -154,12 +156,7 @@ absl::Status ClearanceServer::Listen() {
   }
   if (!options_.socket.empty()) addresses_.push_back("unix:" + options_.socket);
 
-  grpc::HealthCheckServiceInterface* health = services_->grpc->GetHealthCheckService();
-  for (const char* name : {"Ingest", "Query", "Map", "Export", "Admin", "Watch"}) {
-    health->SetServingStatus(absl::StrFormat("clearance.v1.%sService", name), true);
-  }
-  // Declared, but not offered yet.
-  for (const char* name : {"Snapshot"}) if (context_.registry->loading()) {
+  if (context_.registry->loading()) {
     services_->grpc->GetHealthCheckService()->SetServingStatus(false);
     ShowServing(false);
   } else {
@@ -179,12 +176,10 @@ void ClearanceServer::Loaded() {
 void ClearanceServer::ShowServing(bool serving) {
   grpc::HealthCheckServiceInterface* health = services_->grpc->GetHealthCheckService();
   health->SetServingStatus("", serving);
-  for (const char* name : {"Ingest", "Query", "Map", "Export", "Admin"}) {
+  for (const char* name : {"Ingest", "Query", "Map", "Export", "Admin", "Watch"}) {
     health->SetServingStatus(absl::StrFormat("clearance.v1.%sService", name), serving);
   }
   health->SetServingStatus("clearance.v1.SnapshotService", serving && context_.registry->durable());
-  // Declared, but not offered yet.
-  health->SetServingStatus("clearance.v1.WatchService", false);
 }
 
 std::shared_ptr<grpc::Channel> ClearanceServer::InProcessChannel() {

@@ -1,8 +1,7 @@
-// WatchService, and SnapshotService: WatchService: declared, not offered yet.
+// WatchService: maps to follow.
 #pragma once
 
 #include "clearance/v1/watch.grpc.pb.h"
-#include "server/service/unimplemented.h"
 #include "server/service/watch_hub.h"
 
 namespace clearance {
