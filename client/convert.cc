@@ -1,5 +1,6 @@
 #include "client/convert.h"
 
+#include <cstring>
 #include <utility>
 
 #include "absl/strings/str_format.h"
@@ -52,13 +53,6 @@ absl::Status TakePoses(const std::string& stamps, const std::string& poses, cons
   return status;
 }
 
-void SetLayers(const QueryOptions& options, v1::LayerSelection* layers) {
-  layers->set_static_only(options.static_only);
-  layers->mutable_only_objects()->Add(options.only_objects.begin(), options.only_objects.end());
-  layers->mutable_without_objects()->Add(options.without_objects.begin(),
-                                         options.without_objects.end());
-}
-
 template <typename Request>
 void SetTimeAndConsistency(const QueryOptions& options, Request* request) {
   request->set_map(options.map);
@@ -68,14 +62,7 @@ void SetTimeAndConsistency(const QueryOptions& options, Request* request) {
     request->set_horizon_s(options.horizon_s);
   }
   request->set_reference_ns(options.reference_ns);
-  if (options.min_revision != 0 || options.epoch != 0 || options.pin_id != 0 ||
-      options.wait_s != 0) {
-    v1::Consistency* consistency = request->mutable_consistency();
-    consistency->set_min_revision(options.min_revision);
-    consistency->set_epoch(options.epoch);
-    consistency->set_pin_id(options.pin_id);
-    consistency->set_wait_s(options.wait_s);
-  }
+  SetConsistency(options, request);
 }
 
 template <typename Request>

@@ -41,6 +41,15 @@ class EsdfClient {
                                          const QueryOptions& options = {}) const;
   absl::StatusOr<Slice> GetSlice(const SliceOptions& options) const;
 
+  // As DistanceSource says.
+  absl::StatusOr<TrajectoryAnswers> CheckTrajectories(const std::vector<Sphere>& spheres,
+                                                      const std::vector<Trajectory>& trajectories,
+                                                      const CheckOptions& options = {}) const;
+  absl::StatusOr<SphereAnswers> CheckSpheres(const std::vector<Sphere>& spheres,
+                                             const std::vector<Pose>& T_W_R,
+                                             const std::vector<double>& times_s,
+                                             const CheckOptions& options = {}) const;
+
   // The empty map is the client's.
   absl::StatusOr<MapInfo> GetMap(const std::string& map = "",
                                  bool include_trajectory = false) const;
