@@ -63,7 +63,7 @@ struct CheckLimits {
   size_t max_states = 2'000'000;  // poses times balls
   // Of all paths, the way of every ball added up: nearer than a voxel to something, every
   // millimetre of it may cost a look-up.
-  double max_travel_m = 100'000;
+  double max_travel_m = 1'000'000;
 };
 
 // INVALID_ARGUMENT, OUT_OF_RANGE (a horizon before 0 or beyond config.max_horizon_s) or NOT_FOUND
