@@ -66,6 +66,7 @@ ClearanceServer::ClearanceServer(MapRegistry* registry, const ServerOptions& opt
   context_.registry = registry;
   context_.pool = &pool_;
   context_.limits = options.limits;
+  context_.pins = std::make_shared<PinTable>(options.limits.pins, &registry->timers());
   services_ = std::make_unique<Services>(
       &context_, [this](const std::string& map, bool serving) { SetMapServing(map, serving); });
 }
@@ -141,6 +142,7 @@ bool ClearanceServer::Drain() {
   const Clock::time_point deadline = Clock::now() + options_.drain_timeout;
   context_.draining = true;
   services_->grpc->GetHealthCheckService()->SetServingStatus(false);
+  context_.streams.EndAll();
   services_->sessions.CloseAll(v1::INGEST_CLOSING_REASON_DRAINING);
   const bool settled = context_.registry->Drain(deadline);
   services_->sessions.WaitEmpty(deadline);
