@@ -22,10 +22,13 @@ absl::StatusOr<Slice> FromProto(const v1::GetSliceResponse& reply);
 absl::StatusOr<MapInfo> FromProto(const v1::MapInfo& info);
 absl::StatusOr<TrajectoryAnswers> FromProto(const v1::CheckTrajectoriesResponse& reply, size_t n);
 absl::StatusOr<SphereAnswers> FromProto(const v1::CheckSpheresResponse& reply, size_t n);
+absl::StatusOr<RegionBlock> FromProto(const v1::GetRegionResponse& reply,
+                                      const RegionOptions& options);
 
 void ToProto(const QueryOptions& options, v1::QueryPointsRequest* request);
 void ToProto(const QueryOptions& options, v1::ListObjectsRequest* request);
 void ToProto(const SliceOptions& options, v1::GetSliceRequest* request);
+void ToProto(const RegionOptions& options, v1::GetRegionRequest* request);
 void ToProto(const CheckOptions& options, const std::vector<Sphere>& spheres,
              v1::CheckTrajectoriesRequest* request);
 void ToProto(const CheckOptions& options, const std::vector<Sphere>& spheres,

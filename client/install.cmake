@@ -9,7 +9,7 @@ install(TARGETS ${sdk_targets} EXPORT ClearanceTargets
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT sdk)
 
 set(include_root ${CMAKE_INSTALL_INCLUDEDIR}/clearance)
-install(FILES distance_source.h esdf_client.h ingest_stream.h types.h
+install(FILES distance_source.h esdf_client.h ingest_stream.h query_stream.h types.h
         DESTINATION ${include_root}/client COMPONENT sdk)
 foreach(folder proto/wire server/core)
   install(DIRECTORY ${CMAKE_SOURCE_DIR}/${folder}/ DESTINATION ${include_root}/${folder}

@@ -177,6 +177,37 @@ struct SphereAnswers {
   std::vector<uint32_t> object_ids;      // what is nearest to it, 0 = static
 };
 
+struct RegionOptions {
+  QueryOptions query;       // horizons_s, sigmas, sigma_margin and unknown_distances unused
+  Aabb bounds;              // W
+  double resolution_m = 0;  // 0: the voxel size
+  bool known_only = false;  // leave out blocks that are unknown everywhere
+};
+
+// Dense cells, x fastest, then y, then z: the centre of cell (x, y, z) is origin_W + resolution_m *
+// (x, y, z). Optional arrays are empty unless asked for.
+struct RegionBlock {
+  MapStamp stamp;
+  int64_t reference_ns = 0;
+  Eigen::Vector3d origin_W = Eigen::Vector3d::Zero();
+  double resolution_m = 0;
+  uint32_t size_x = 0, size_y = 0, size_z = 0;
+  std::vector<float> distances_m;
+  std::vector<uint8_t> states;
+  Eigen::Matrix3Xf gradients_W;
+  std::vector<uint32_t> object_ids;
+};
+
+// Receives blocks in order; an error ends the transfer and is returned.
+using RegionSink = std::function<absl::Status(RegionBlock block)>;
+
+// A revision that stays answerable: put `id` into the pin_id of options.
+struct Pin {
+  uint64_t id = 0;
+  MapStamp stamp;
+  double ttl_s = 0;  // from now; then the pin ends by itself
+};
+
 struct SourceInfo {
   std::string source_id;
   std::optional<uint64_t> last_frame_id;

@@ -38,8 +38,8 @@ int Main(int argc, char** argv) {
   app.add_option("--timeout", context.timeout_s, "seconds for one call")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  for (const auto add : {AddIngest, AddQuery, AddObjects, AddInfo, AddSlice, AddMesh, AddGrid,
-                         AddHealth, AddMap, AddVersion}) {
+  for (const auto add : {AddIngest, AddQuery, AddCheck, AddObjects, AddInfo, AddSlice, AddMesh,
+                         AddGrid, AddHealth, AddMap, AddVersion}) {
     add(app, context);
   }
   for (CLI::App* command : app.get_subcommands({})) {
