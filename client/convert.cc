@@ -1,5 +1,6 @@
 #include "client/convert.h"
 
+#include <cstring>
 #include <utility>
 
 #include "absl/strings/str_format.h"
@@ -52,13 +53,6 @@ absl::Status TakePoses(const std::string& stamps, const std::string& poses, cons
   return status;
 }
 
-void SetLayers(const QueryOptions& options, v1::LayerSelection* layers) {
-  layers->set_static_only(options.static_only);
-  layers->mutable_only_objects()->Add(options.only_objects.begin(), options.only_objects.end());
-  layers->mutable_without_objects()->Add(options.without_objects.begin(),
-                                         options.without_objects.end());
-}
-
 template <typename Request>
 void SetTimeAndConsistency(const QueryOptions& options, Request* request) {
   request->set_map(options.map);
@@ -68,14 +62,7 @@ void SetTimeAndConsistency(const QueryOptions& options, Request* request) {
     request->set_horizon_s(options.horizon_s);
   }
   request->set_reference_ns(options.reference_ns);
-  if (options.min_revision != 0 || options.epoch != 0 || options.pin_id != 0 ||
-      options.wait_s != 0) {
-    v1::Consistency* consistency = request->mutable_consistency();
-    consistency->set_min_revision(options.min_revision);
-    consistency->set_epoch(options.epoch);
-    consistency->set_pin_id(options.pin_id);
-    consistency->set_wait_s(options.wait_s);
-  }
+  SetConsistency(options, request);
 }
 
 template <typename Request>
@@ -84,7 +71,9 @@ void SetDistanceOptions(const QueryOptions& options, Request* request) {
   request->set_fusion(options.weighted_fusion ? v1::FUSION_WEIGHTED : v1::FUSION_UNSPECIFIED);
   SetLayers(options, request->mutable_layers());
   request->set_max_distance_m(options.max_distance_m);
-  request->set_sigma_margin(options.sigma_margin);
+  if constexpr (requires { request->set_sigma_margin(0); }) {
+    request->set_sigma_margin(options.sigma_margin);
+  }
 }
 
 }  // namespace
@@ -197,6 +186,28 @@ absl::StatusOr<Slice> FromProto(const v1::GetSliceResponse& reply) {
   return slice;
 }
 
+absl::StatusOr<RegionBlock> FromProto(const v1::GetRegionResponse& reply,
+                                      const RegionOptions& options) {
+  RegionBlock block;
+  block.stamp = FromProto(reply.stamp());
+  block.reference_ns = reply.reference_ns();
+  block.origin_W = {reply.origin().x_m(), reply.origin().y_m(), reply.origin().z_m()};
+  block.resolution_m = reply.resolution_m();
+  block.size_x = reply.size_x();
+  block.size_y = reply.size_y();
+  block.size_z = reply.size_z();
+  const size_t n = size_t{block.size_x} * block.size_y * block.size_z;
+  for (const absl::Status& status :
+       {Take(reply.distances_f32(), 1, n, true, "distances_f32", &block.distances_m),
+        Take(reply.states_u8(), 1, n, true, "states_u8", &block.states),
+        Take(reply.object_ids_u32(), 1, n, options.query.objects, "object_ids_u32",
+             &block.object_ids),
+        TakeGradients(reply.gradients_f32(), n, options.query.gradients, &block.gradients_W)}) {
+    if (!status.ok()) return status;
+  }
+  return block;
+}
+
 absl::StatusOr<MapInfo> FromProto(const v1::MapInfo& info) {
   MapInfo result;
   result.map = info.map();
@@ -246,6 +257,15 @@ void ToProto(const SliceOptions& options, v1::GetSliceRequest* request) {
   request->set_z_m(options.z_m);
   request->set_resolution_m(options.resolution_m);
   if (options.bounds) wire::ToProto(*options.bounds, request->mutable_bounds());
+}
+
+void ToProto(const RegionOptions& options, v1::GetRegionRequest* request) {
+  SetTimeAndConsistency(options.query, request);
+  SetDistanceOptions(options.query, request);
+  request->set_objects(options.query.objects);
+  request->set_known_only(options.known_only);
+  request->set_resolution_m(options.resolution_m);
+  wire::ToProto(options.bounds, request->mutable_bounds());
 }
 
 }  // namespace clearance::client

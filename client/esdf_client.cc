@@ -12,6 +12,7 @@
 #include "client/connection.h"
 #include "client/convert.h"
 #include "grpc/health/v1/health.grpc.pb.h"
+#include "proto/wire/array.h"
 #include "proto/wire/geometry.h"
 
 namespace clearance::client {
@@ -93,6 +94,38 @@ absl::StatusOr<Slice> EsdfClient::GetSlice(const SliceOptions& options) const {
                              &reply, connection_->options);
   if (!status.ok()) return status;
   return FromProto(reply);
+}
+
+absl::StatusOr<TrajectoryAnswers> EsdfClient::CheckTrajectories(
+    const std::vector<Sphere>& spheres, const std::vector<Trajectory>& trajectories,
+    const CheckOptions& options) const {
+  v1::CheckTrajectoriesRequest request;
+  ToProto(options, spheres, &request);
+  for (const Trajectory& trajectory : trajectories) {
+    ToProto(trajectory, request.add_trajectories());
+  }
+  request.set_map(connection_->MapOr(options.map));
+  v1::CheckTrajectoriesResponse reply;
+  absl::Status status = Call(*connection_->query, &v1::QueryService::Stub::CheckTrajectories,
+                             request, &reply, connection_->options);
+  if (!status.ok()) return status;
+  return FromProto(reply, trajectories.size());
+}
+
+absl::StatusOr<SphereAnswers> EsdfClient::CheckSpheres(const std::vector<Sphere>& spheres,
+                                                       const std::vector<Pose>& T_W_R,
+                                                       const std::vector<double>& times_s,
+                                                       const CheckOptions& options) const {
+  v1::CheckSpheresRequest request;
+  ToProto(options, spheres, &request);
+  for (const Pose& pose : T_W_R) wire::AppendPose(pose, request.mutable_poses_f64());
+  request.set_times_f64(wire::EncodeArray(times_s));
+  request.set_map(connection_->MapOr(options.map));
+  v1::CheckSpheresResponse reply;
+  absl::Status status = Call(*connection_->query, &v1::QueryService::Stub::CheckSpheres, request,
+                             &reply, connection_->options);
+  if (!status.ok()) return status;
+  return FromProto(reply, T_W_R.size());
 }
 
 absl::StatusOr<MapInfo> EsdfClient::GetMap(const std::string& map, bool include_trajectory) const {

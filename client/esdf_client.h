@@ -11,6 +11,7 @@
 #include "absl/time/time.h"
 #include "client/credentials.h"
 #include "client/ingest_stream.h"
+#include "client/query_stream.h"
 #include "client/types.h"
 
 namespace clearance::client {
@@ -43,6 +44,28 @@ class EsdfClient {
   absl::StatusOr<ObjectList> ListObjects(bool include_history,
                                          const QueryOptions& options = {}) const;
   absl::StatusOr<Slice> GetSlice(const SliceOptions& options) const;
+
+  // As DistanceSource says.
+  absl::StatusOr<TrajectoryAnswers> CheckTrajectories(const std::vector<Sphere>& spheres,
+                                                      const std::vector<Trajectory>& trajectories,
+                                                      const CheckOptions& options = {}) const;
+  absl::StatusOr<SphereAnswers> CheckSpheres(const std::vector<Sphere>& spheres,
+                                             const std::vector<Pose>& T_W_R,
+                                             const std::vector<double>& times_s,
+                                             const CheckOptions& options = {}) const;
+
+  // All of one revision, in ascending order of their origin. DATA_LOSS for a damaged block.
+  absl::Status GetRegion(const RegionOptions& options, const RegionSink& sink) const;
+
+  // Keeps a revision (0: the newest) answerable for `ttl_s` (0: the server's default), so that one
+  // planning cycle sees one world. OUT_OF_RANGE where it is gone, RESOURCE_EXHAUSTED where the map
+  // has too many pins. The empty map is the client's.
+  absl::StatusOr<Pin> PinRevision(const std::string& map = "", uint64_t revision = 0,
+                                  double ttl_s = 0) const;
+  absl::Status ReleasePin(const std::string& map, uint64_t pin_id) const;
+
+  // Pipelines queries over one stream; see QueryStream.
+  std::unique_ptr<QueryStream> OpenQueryStream() const;
 
   // The empty map is the client's.
   absl::StatusOr<MapInfo> GetMap(const std::string& map = "",

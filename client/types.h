@@ -127,6 +127,95 @@ struct Slice {
   std::vector<ObjectInfo> objects;
 };
 
+// A part of a robot: a ball in the robot's frame R, metres; radius > 0.
+struct Sphere {
+  Eigen::Vector3f center_R = Eigen::Vector3f::Zero();
+  float radius_m = 0;
+};
+
+// A timed path. Between waypoints the position is linear and the orientation slerp.
+struct Trajectory {
+  std::vector<Pose> T_W_R;      // world_from_robot, at least one
+  std::vector<double> times_s;  // one a pose, strictly ascending, seconds after the reference time
+};
+
+// How CheckTrajectories and CheckSpheres check. A sphere collides where its centre's distance, less
+// sigma_margin standard deviations, is below radius + margin_m; unknown space counts as a surface
+// unless unknown_as_free. Times count from reference_ns, or from the map's stamp where that is 0.
+struct CheckOptions {
+  std::string map;  // empty: the client's
+  double margin_m = 0;
+  bool unknown_as_free = false;
+  double sigma_margin = 0;
+  bool static_only = false;
+  std::vector<uint32_t> only_objects, without_objects;
+  int64_t reference_ns = 0;
+  uint64_t min_revision = 0;  // waits up to wait_s for it
+  uint64_t epoch = 0;         // 0: any
+  uint64_t pin_id = 0;
+  double wait_s = 0;
+};
+
+// Times as in the trajectory's times_s.
+struct TrajectoryResult {
+  bool collides = false;
+  double first_collision_s = 0;              // where it collides
+  std::optional<double> last_valid_s;        // absent: the first state collides
+  std::optional<uint32_t> last_valid_index;  // the last waypoint at or before it
+  double min_clearance_m = 0;    // smallest distance minus radius up to the collision or the end
+  double min_clearance_s = 0;    // and when
+  uint32_t object_id = 0;        // what is nearest there, 0 = static
+  Twist twist;                   // of that object then
+  bool unknown_decides = false;  // unknown space is nearer there than any surface
+};
+
+struct TrajectoryAnswers {
+  MapStamp stamp;
+  int64_t reference_ns = 0;
+  std::vector<TrajectoryResult> results;  // one a trajectory
+};
+
+// One entry a pose.
+struct SphereAnswers {
+  MapStamp stamp;
+  int64_t reference_ns = 0;
+  std::vector<uint8_t> collides;         // 1 or 0
+  std::vector<float> clearances_m;       // distance minus radius of the worst sphere
+  std::vector<uint32_t> sphere_indices;  // that sphere
+  std::vector<uint32_t> object_ids;      // what is nearest to it, 0 = static
+};
+
+struct RegionOptions {
+  QueryOptions query;       // horizons_s, sigmas, sigma_margin and unknown_distances unused
+  Aabb bounds;              // W
+  double resolution_m = 0;  // 0: the voxel size
+  bool known_only = false;  // leave out blocks that are unknown everywhere
+};
+
+// Dense cells, x fastest, then y, then z: the centre of cell (x, y, z) is origin_W + resolution_m *
+// (x, y, z). Optional arrays are empty unless asked for.
+struct RegionBlock {
+  MapStamp stamp;
+  int64_t reference_ns = 0;
+  Eigen::Vector3d origin_W = Eigen::Vector3d::Zero();
+  double resolution_m = 0;
+  uint32_t size_x = 0, size_y = 0, size_z = 0;
+  std::vector<float> distances_m;
+  std::vector<uint8_t> states;
+  Eigen::Matrix3Xf gradients_W;
+  std::vector<uint32_t> object_ids;
+};
+
+// Receives blocks in order; an error ends the transfer and is returned.
+using RegionSink = std::function<absl::Status(RegionBlock block)>;
+
+// A revision that stays answerable: put `id` into the pin_id of options.
+struct Pin {
+  uint64_t id = 0;
+  MapStamp stamp;
+  double ttl_s = 0;  // from now; then the pin ends by itself
+};
+
 struct SourceInfo {
   std::string source_id;
   std::optional<uint64_t> last_frame_id;

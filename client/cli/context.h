@@ -35,6 +35,7 @@ struct Context {
 // Each adds one command; its callback sets context.run.
 void AddIngest(CLI::App& app, Context& context);
 void AddQuery(CLI::App& app, Context& context);
+void AddCheck(CLI::App& app, Context& context);
 void AddObjects(CLI::App& app, Context& context);
 void AddInfo(CLI::App& app, Context& context);
 void AddSlice(CLI::App& app, Context& context);

@@ -47,7 +47,7 @@ class Sequence {
 
   std::filesystem::path folder_;
   SequenceInfo info_;
-  Trajectory trajectory_;
+  SensorPath trajectory_;
   bool has_label_images_ = false;
   bool has_motions_ = false;
   MotionTable motions_;

@@ -26,10 +26,10 @@ bool ParsePose(const std::string_view* cells, Pose* pose, std::string* error) {
   return true;
 }
 
-absl::StatusOr<Trajectory> ReadTrajectory(const std::filesystem::path& path) {
+absl::StatusOr<SensorPath> ReadTrajectory(const std::filesystem::path& path) {
   const absl::StatusOr<std::string> text = ReadWholeFile(path);
   if (!text.ok()) return text.status();
-  Trajectory trajectory;
+  SensorPath trajectory;
   for (const Line& line : SplitLines(*text, ' ')) {
     if (line.cells.size() != 8) {
       return BadLine(path, line.number, absl::StrCat(line.cells.size(), " values"),

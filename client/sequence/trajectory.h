@@ -10,14 +10,14 @@
 
 namespace clearance::client {
 
-struct Trajectory {
+struct SensorPath {
   std::vector<int64_t> stamps_ns;  // strictly rising
   std::vector<Pose> T_W_X;
 };
 
 // DATA_LOSS naming file and line for anything but eight numbers, a stamp that does not rise or a
 // quaternion that is not of unit length (within 1e-3).
-absl::StatusOr<Trajectory> ReadTrajectory(const std::filesystem::path& path);
+absl::StatusOr<SensorPath> ReadTrajectory(const std::filesystem::path& path);
 
 // A pose from seven cells tx ty tz qx qy qz qw; `error` says what is wrong.
 bool ParsePose(const std::string_view* cells, Pose* pose, std::string* error);

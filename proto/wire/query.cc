@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "proto/wire/array.h"
+#include "proto/wire/check.h"
 #include "proto/wire/geometry.h"
 #include "proto/wire/ids.h"
 #include "proto/wire/status_details.h"
@@ -62,8 +63,11 @@ absl::Status DistanceSettingsFromProto(const Request& request, QuerySettings& se
     return s;
   }
   settings.max_distance_m = request.max_distance_m();
-  if (absl::Status s = CheckNotNegative(request.sigma_margin(), "sigma_margin"); !s.ok()) return s;
-  settings.sigma_margin = request.sigma_margin();
+  if constexpr (requires { request.sigma_margin(); }) {
+    absl::Status s = CheckNotNegative(request.sigma_margin(), "sigma_margin");
+    if (!s.ok()) return s;
+    settings.sigma_margin = request.sigma_margin();
+  }
   return absl::OkStatus();
 }
 
@@ -224,6 +228,23 @@ absl::StatusOr<SliceQuery> SliceQueryFromProto(const v1::GetSliceRequest& r,
     if (!bounds.ok()) return bounds.status();
     query.bounds = *bounds;
   }
+  return query;
+}
+
+absl::StatusOr<RegionQuery> RegionQueryFromProto(const v1::GetRegionRequest& r,
+                                                 const QueryLimits& limits) {
+  RegionQuery query;
+  query.resolution_m = r.resolution_m();
+  query.gradients = r.gradients();
+  query.objects = r.objects();
+  query.known_only = r.known_only();
+  if (absl::Status s = AddressFromProto(r, limits, query.settings); !s.ok()) return s;
+  if (absl::Status s = DistanceSettingsFromProto(r, query.settings); !s.ok()) return s;
+  if (absl::Status s = CheckNotNegative(r.resolution_m(), "resolution_m"); !s.ok()) return s;
+  if (!r.has_bounds()) return InvalidField("bounds", -1, "nothing", "a box");
+  const auto bounds = BoxFromProto(r.bounds(), "bounds");
+  if (!bounds.ok()) return bounds.status();
+  query.bounds = *bounds;
   return query;
 }
 

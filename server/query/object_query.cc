@@ -43,6 +43,20 @@ constexpr float kUnbounded = -1e30f;
 
 }  // namespace
 
+std::vector<uint8_t> EnabledEntries(const ObjectIndex& index, const LayerSelection& layers) {
+  if (layers.only_objects.empty() && layers.without_objects.empty()) return {};
+  const auto contains = [](const std::vector<ObjectId>& ids, ObjectId id) {
+    return std::find(ids.begin(), ids.end(), id) != ids.end();
+  };
+  std::vector<uint8_t> enabled;
+  enabled.reserve(index.entries.size());
+  for (const ObjectIndex::Entry& entry : index.entries) {
+    const bool wanted = layers.only_objects.empty() || contains(layers.only_objects, entry.id);
+    enabled.push_back(wanted && !contains(layers.without_objects, entry.id));
+  }
+  return enabled;
+}
+
 float ObjectSigma(const ObjectIndex::Entry& entry, float site_sigma_m, double horizon_s) {
   const float pose =
       entry.position_sigma_m + entry.velocity_sigma_mps * static_cast<float>(horizon_s);

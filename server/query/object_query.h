@@ -19,6 +19,9 @@ struct ObjectAnswer {
   uint32_t entry = 0;                                    // in the index
 };
 
+// One flag an entry of the index: whether the selection lets it count. Empty = all.
+std::vector<uint8_t> EnabledEntries(const ObjectIndex& index, const LayerSelection& layers);
+
 // Standard deviation of a distance to a surfel of an object carried `horizon_s` ahead: the surfel's
 // own, and the pose's, which grows linearly.
 float ObjectSigma(const ObjectIndex::Entry& entry, float site_sigma_m, double horizon_s);

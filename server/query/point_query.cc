@@ -16,21 +16,6 @@ namespace {
 constexpr Eigen::Index kParallelPoints = 32768;
 constexpr Eigen::Index kChunkPoints = 1024;
 
-// The entries of the index that the selection lets count; empty = all.
-std::vector<uint8_t> EnabledEntries(const ObjectIndex& index, const LayerSelection& layers) {
-  if (layers.only_objects.empty() && layers.without_objects.empty()) return {};
-  const auto contains = [](const std::vector<ObjectId>& ids, ObjectId id) {
-    return std::find(ids.begin(), ids.end(), id) != ids.end();
-  };
-  std::vector<uint8_t> enabled;
-  enabled.reserve(index.entries.size());
-  for (const ObjectIndex::Entry& entry : index.entries) {
-    const bool wanted = layers.only_objects.empty() || contains(layers.only_objects, entry.id);
-    enabled.push_back(wanted && !contains(layers.without_objects, entry.id));
-  }
-  return enabled;
-}
-
 void Allocate(Eigen::Index points, const QueryOptions& options, DistanceBatch* batch) {
   const size_t n = static_cast<size_t>(points);
   batch->distances_m.resize(n);

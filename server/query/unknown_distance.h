@@ -1,4 +1,4 @@
-// How far unknown space is from a point.
+// How far unknown space, or the inner side of surfaces, is from a point.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,24 +13,28 @@ namespace clearance {
 // shared between threads; the field must not change meanwhile.
 class UnknownSearch {
  public:
-  explicit UnknownSearch(const DistanceField& field) : field_(field) {}
+  // kUnknown: voxels whose state is UNKNOWN, and all that the field stores nothing of. kInner:
+  // voxels whose centre is on the inner side of a surface.
+  enum class Sought { kUnknown, kInner };
+  explicit UnknownSearch(const DistanceField& field, Sought sought = Sought::kUnknown)
+      : field_(field), sought_(sought) {}
 
-  // Distance from an addressable point (see StaticLookup) to the nearest cube of a voxel whose
-  // state is UNKNOWN, metres, 0 inside one, at most `max_distance_m`. Exact to the cubes. Space
-  // that the field stores nothing of is unknown.
+  // Distance from an addressable point (see StaticLookup) to the nearest cube of a sought voxel,
+  // metres, 0 inside one, at most `max_distance_m`. Exact to the cubes.
   float Distance(const Eigen::Vector3d& p_W, double max_distance_m);
 
  private:
-  enum class Content : uint8_t { kNoneUnknown, kAllUnknown, kMixed };
+  enum class Content : uint8_t { kNone, kAll, kMixed };
   struct Block {
-    Content content = Content::kAllUnknown;
-    BlockMask unknown{};  // where content is kMixed
+    Content content = Content::kNone;
+    BlockMask sought{};  // where content is kMixed
   };
 
   const Block& Summary(const BlockIndex& block);
   void SearchBlock(const BlockIndex& block, const Eigen::Vector3d& p_voxels, double* best_squared);
 
   const DistanceField& field_;
+  const Sought sought_;
   absl::flat_hash_map<BlockIndex, Block> summaries_;
 };
 

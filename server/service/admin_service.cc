@@ -31,7 +31,7 @@ void ToProto(const std::string& stage, const LatencySummary& latency, v1::StageL
   out->mutable_latency()->set_max_ms(latency.max_ms);
 }
 
-void FillMapStats(const MappingEngine& engine, v1::MapStats* out) {
+void FillMapStats(const ServiceContext& service, const MappingEngine& engine, v1::MapStats* out) {
   const ViewPtr view = engine.Latest();
   const EngineStats stats = engine.Stats();
   out->set_map(engine.id());
@@ -47,6 +47,7 @@ void FillMapStats(const MappingEngine& engine, v1::MapStats* out) {
   out->set_memory_bytes(stats.sizes.memory_bytes);
   out->set_static_voxels(stats.sizes.static_voxels);
   out->set_field_blocks(stats.sizes.field_blocks);
+  out->set_pins(service.pins->Count(engine.id()));
   uint32_t counts[5] = {};
   for (const ObjectView& object : view->objects) ++counts[static_cast<int>(object.life_state)];
   out->set_tracked_objects(counts[static_cast<int>(LifeState::kTracked)]);
@@ -111,6 +112,9 @@ grpc::ServerUnaryReactor* AdminServiceImpl::GetServerInfo(grpc::CallbackServerCo
   out->set_max_frame_points(limits.max_frame_points);
   out->set_max_motions(limits.max_motions);
   out->set_max_slice_cells(limits.max_slice_cells);
+  out->set_max_trajectories(limits.max_trajectories);
+  out->set_max_waypoints(limits.max_waypoints);
+  out->set_max_spheres(limits.max_spheres);
   out->set_max_maps(limits.max_maps);
   out->set_max_wait_s(limits.max_wait_s);
   info.set_uptime_s(service_->uptime_s());
@@ -127,14 +131,15 @@ grpc::ServerUnaryReactor* AdminServiceImpl::GetStats(grpc::CallbackServerContext
   grpc::ServerUnaryReactor* reactor = call->reactor();
   v1::GetStatsResponse stats;
   if (request->map().empty()) {
-    for (const auto& engine : service_->registry->List()) FillMapStats(*engine, stats.add_maps());
+    for (const auto& engine : service_->registry->List())
+      FillMapStats(*service_, *engine, stats.add_maps());
   } else {
     const absl::StatusOr<MapRegistry::EnginePtr> engine = service_->registry->Get(request->map());
     if (!engine.ok()) {
       call->Finish(engine.status());
       return reactor;
     }
-    FillMapStats(**engine, stats.add_maps());
+    FillMapStats(*service_, **engine, stats.add_maps());
   }
   if (service_->registry->durable()) {
     const SnapshotterStats snapshots = service_->registry->snapshot_stats();

@@ -3,6 +3,7 @@
 #include <memory>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "proto/wire/query.h"
 #include "proto/wire/status_details.h"
 #include "server/service/chunk_stream.h"
@@ -23,6 +24,11 @@ void OnMap(ServiceContext* service, const std::string& map, const v1::Consistenc
   const absl::StatusOr<wire::Consistency> consistency =
       wire::ConsistencyFromProto(wanted, limits, "consistency");
   if (!consistency.ok()) return stream->Fail(consistency.status());
+  if (consistency->pin_id != 0) {
+    return stream->Fail(wire::InvalidField("consistency.pin_id", -1,
+                                           absl::StrCat(consistency->pin_id),
+                                           "0: exports are made from the newest revision"));
+  }
   const absl::StatusOr<MapRegistry::EnginePtr> engine = service->registry->Get(map);
   if (!engine.ok()) return stream->Fail(engine.status());
   if (absl::Status s = CheckConsistency(**engine, *consistency); !s.ok()) return stream->Fail(s);

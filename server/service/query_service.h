@@ -19,8 +19,6 @@ class QueryServiceImpl final : public v1::QueryService::CallbackService {
   grpc::ServerUnaryReactor* GetSlice(grpc::CallbackServerContext* context,
                                      const v1::GetSliceRequest* request,
                                      v1::GetSliceResponse* response) override;
-
-  // Not offered yet: UNIMPLEMENTED.
   grpc::ServerUnaryReactor* CheckTrajectories(grpc::CallbackServerContext* context,
                                               const v1::CheckTrajectoriesRequest* request,
                                               v1::CheckTrajectoriesResponse* response) override;

@@ -44,12 +44,37 @@ absl::Status CheckConsistency(const MappingEngine& engine, const wire::Consisten
         "anew. Read its revision again",
         consistency.epoch, engine.id(), engine.epoch()));
   }
-  if (consistency.pin_id != 0) {
-    return absl::NotFoundError(
-        absl::StrFormat("consistency.pin_id: pin %d of map '%s' does not exist. Pins: none",
-                        consistency.pin_id, engine.id()));
-  }
   return absl::OkStatus();
+}
+
+absl::StatusOr<ViewPtr> ViewAtHand(ServiceContext* service, const MappingEngine& engine,
+                                   const wire::Consistency& consistency) {
+  if (consistency.pin_id == 0) {
+    const ViewPtr latest = engine.Latest();
+    return latest->field_revision >= consistency.min_revision ? latest : nullptr;
+  }
+  absl::StatusOr<ViewPtr> pinned =
+      service->pins->Find(engine.id(), engine.epoch(), consistency.pin_id);
+  if (pinned.ok() && (*pinned)->field_revision < consistency.min_revision) {
+    return absl::AbortedError(absl::StrFormat(
+        "consistency.min_revision: got %d, but pin %d of map '%s' keeps field revision %d. Lower "
+        "min_revision, or pin a newer revision",
+        consistency.min_revision, consistency.pin_id, engine.id(), (*pinned)->field_revision));
+  }
+  return pinned;
+}
+
+uint64_t WhenView(ServiceContext* service, const MapRegistry::EnginePtr& engine,
+                  const wire::Consistency& consistency, ViewCallback done) {
+  absl::StatusOr<ViewPtr> at_hand = ViewAtHand(service, *engine, consistency);
+  if (!at_hand.ok() || *at_hand != nullptr) {
+    done(std::move(at_hand));
+    return 0;
+  }
+  const auto deadline = std::chrono::steady_clock::now() +
+                        std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+                            std::chrono::duration<double>(consistency.wait_s));
+  return engine->store().WhenFieldRevision(consistency.min_revision, deadline, std::move(done));
 }
 
 int64_t ReferenceNs(const MapView& view, const wire::QueryTime& time) {
@@ -63,6 +88,13 @@ absl::StatusOr<double> ResolveHorizon(const MapView& view, const wire::QueryTime
   if (absl::Status s = CheckHorizon(view, horizon_s, time.at_ns ? "at_ns" : "horizon_s"); !s.ok()) {
     return s;
   }
+  return horizon_s;
+}
+
+absl::StatusOr<double> ResolveHorizon(const MapView& view, const wire::QueryTime& time,
+                                      double seconds, std::string_view field) {
+  const double horizon_s = SecondsBetween(view.stamp_ns, ReferenceNs(view, time)) + seconds;
+  if (absl::Status s = CheckHorizon(view, horizon_s, field); !s.ok()) return s;
   return horizon_s;
 }
 

@@ -2,8 +2,11 @@
 #pragma once
 
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -11,19 +14,22 @@
 #include "proto/wire/query.h"
 #include "server/engine/map_registry.h"
 #include "server/query/query_options.h"
+#include "server/service/reply.h"
 #include "server/service/service_context.h"
-#include "server/service/unary_call.h"
 
 namespace clearance {
 
 void ToProto(const RevisionStamp& stamp, v1::MapStamp* out);
 
-// Checks the epoch and the pin of `consistency` against the map. FAILED_PRECONDITION, NOT_FOUND.
+// Checks the epoch of `consistency` against the map. FAILED_PRECONDITION.
 absl::Status CheckConsistency(const MappingEngine& engine, const wire::Consistency& consistency);
 
 // Seconds after the view's stamp. OUT_OF_RANGE, stating stamp and limit, for a time before the
 // stamp or beyond the map's max_horizon_s.
 absl::StatusOr<double> ResolveHorizon(const MapView& view, const wire::QueryTime& time);
+// The same for a time in seconds after the reference; `field` names it in errors.
+absl::StatusOr<double> ResolveHorizon(const MapView& view, const wire::QueryTime& time,
+                                      double seconds, std::string_view field);
 // The same for one horizon a point, relative to the reference time.
 absl::StatusOr<std::vector<float>> ResolveHorizons(const MapView& view, const wire::QueryTime& time,
                                                    const std::vector<float>& horizons_s);
@@ -37,12 +43,23 @@ absl::StatusOr<QueryOptions> ResolveOptions(const MapView& view,
 
 inline constexpr size_t kInlineCost = 4096;  // points that are answered on the transport's thread
 
+// The view that `consistency` asks for where nothing is to be waited for: the pinned one, or the
+// newest where it has reached min_revision, else null. NOT_FOUND for a pin that is not there,
+// ABORTED for one that is older than min_revision.
+absl::StatusOr<ViewPtr> ViewAtHand(ServiceContext* service, const MappingEngine& engine,
+                                   const wire::Consistency& consistency);
+
+// Calls `done` with the view that `consistency` asks for, once: now, or when it is reached, or with
+// the error. Returns a wait to cancel; 0 where done.
+uint64_t WhenView(ServiceContext* service, const MapRegistry::EnginePtr& engine,
+                  const wire::Consistency& consistency, ViewCallback done);
+
 // Finds the view that `map` and `consistency` ask for, computes the answer from it and finishes the
 // call: on this thread where nothing is to be waited for and `cost` (points) is small, else on a
 // worker. Waiting holds no thread.
 template <typename Response>
 void Answer(ServiceContext* service, const std::string& map, const wire::Consistency& consistency,
-            size_t cost, std::shared_ptr<UnaryCall<Response>> call,
+            size_t cost, std::shared_ptr<Reply<Response>> call,
             std::function<absl::StatusOr<Response>(const ViewPtr&)> compute) {
   if (service->draining) return call->Finish(DrainingError());
   const absl::StatusOr<MapRegistry::EnginePtr> engine = service->registry->Get(map);
@@ -55,22 +72,20 @@ void Answer(ServiceContext* service, const std::string& map, const wire::Consist
     });
     if (!posted.ok()) call->Finish(posted);
   };
-  const ViewPtr latest = (*engine)->Latest();
-  if (latest->field_revision >= consistency.min_revision) {
-    if (cost > kInlineCost) return on_worker(latest);
-    return call->Finish(compute(latest));
+  const absl::StatusOr<ViewPtr> at_hand = ViewAtHand(service, **engine, consistency);
+  if (!at_hand.ok()) return call->Finish(at_hand.status());
+  if (*at_hand != nullptr) {
+    if (cost > kInlineCost) return on_worker(*at_hand);
+    return call->Finish(compute(*at_hand));
   }
-  const auto deadline = std::chrono::steady_clock::now() +
-                        std::chrono::duration_cast<std::chrono::steady_clock::duration>(
-                            std::chrono::duration<double>(consistency.wait_s));
-  const uint64_t wait = (*engine)->store().WhenFieldRevision(
-      consistency.min_revision, deadline, [call, on_worker](const absl::StatusOr<ViewPtr>& view) {
-        if (view.ok()) {
-          on_worker(*view);
-        } else {
-          call->Finish(view.status());
-        }
-      });
+  const uint64_t wait = WhenView(service, *engine, consistency,
+                                 [call, on_worker](const absl::StatusOr<ViewPtr>& view) {
+                                   if (view.ok()) {
+                                     on_worker(*view);
+                                   } else {
+                                     call->Finish(view.status());
+                                   }
+                                 });
   if (wait != 0) {
     call->WhenCancelled([engine = *engine, wait] { engine->store().CancelWait(wait); });
   }

@@ -99,6 +99,7 @@ ClearanceServer::ClearanceServer(MapRegistry* registry, const ServerOptions& opt
   context_.settle = [this](std::chrono::milliseconds limit) {
     return Settle(Clock::now() + (limit.count() > 0 ? limit : options_.drain_timeout));
   };
+  context_.pins = std::make_shared<PinTable>(options.limits.pins, &registry->timers());
   services_ = std::make_unique<Services>(
       &context_, [this](const std::string& map, bool serving) { SetMapServing(map, serving); });
 }
@@ -196,6 +197,7 @@ void ClearanceServer::SetMapServing(const std::string& map, bool serving) {
 bool ClearanceServer::Settle(Clock::time_point deadline) {
   context_.draining = true;
   services_->grpc->GetHealthCheckService()->SetServingStatus(false);
+  context_.streams.EndAll();
   services_->sessions.CloseAll(v1::INGEST_CLOSING_REASON_DRAINING);
   const bool settled = context_.registry->Drain(deadline);
   services_->sessions.WaitEmpty(deadline);

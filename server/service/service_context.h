@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -14,6 +15,8 @@
 #include "server/engine/latency.h"
 #include "server/engine/map_registry.h"
 #include "server/service/access/access.h"
+#include "server/service/open_streams.h"
+#include "server/service/pins.h"
 #include "server/service/worker_pool.h"
 
 namespace clearance {
@@ -22,6 +25,12 @@ struct ServiceLimits {
   uint64_t max_message_bytes = 16u << 20;
   uint64_t max_query_points = 100'000;
   uint64_t max_slice_cells = 400'000;
+  uint64_t max_region_cells = 64'000'000;
+  uint64_t max_trajectories = 10'000;
+  uint64_t max_waypoints = 100'000;  // of all trajectories of a call
+  uint64_t max_spheres = 1'000;
+  uint64_t max_stream_requests = 32;  // of a QueryStream, read and not yet answered
+  PinLimits pins;
   uint64_t max_frame_points = 1'100'000;
   uint64_t max_image_pixels = 4'000'000;
   uint64_t max_motions = 4096;
@@ -62,6 +71,8 @@ struct ServiceContext {
   // meaning the server's own limit, was not enough. Blocks.
   std::function<bool(std::chrono::milliseconds)> settle;
   std::atomic<int64_t> open_streams = 0;
+  OpenStreams streams;             // those that a drain ends
+  std::shared_ptr<PinTable> pins;  // never null
   std::chrono::steady_clock::time_point started_at = std::chrono::steady_clock::now();
 
   double uptime_s() const {

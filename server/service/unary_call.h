@@ -12,6 +12,7 @@
 #include "absl/status/statusor.h"
 #include "proto/wire/grpc_status.h"
 #include "server/engine/mutex.h"
+#include "server/service/reply.h"
 #include "server/service/service_context.h"
 
 namespace clearance {
@@ -19,7 +20,7 @@ namespace clearance {
 // Shared by the transport and whoever works on the answer. The first of Finish and the client's
 // cancellation ends the call; the other then does nothing. Thread-safe.
 template <typename Response>
-class UnaryCall : public std::enable_shared_from_this<UnaryCall<Response>> {
+class UnaryCall final : public Reply<Response> {
  public:
   static std::shared_ptr<UnaryCall> Start(ServiceContext* service, const char* method,
                                           Response* response) {
@@ -33,9 +34,9 @@ class UnaryCall : public std::enable_shared_from_this<UnaryCall<Response>> {
   // What the handler returns to the transport.
   grpc::ServerUnaryReactor* reactor() const { return returned_; }
 
-  bool done() const { return reactor_.load() == nullptr; }
+  bool done() const override { return reactor_.load() == nullptr; }
 
-  void Finish(absl::StatusOr<Response> result) {
+  void Finish(absl::StatusOr<Response> result) override {
     grpc::ServerUnaryReactor* reactor = reactor_.exchange(nullptr);
     if (reactor == nullptr) return;
     if (result.ok()) *response_ = *std::move(result);
@@ -44,7 +45,7 @@ class UnaryCall : public std::enable_shared_from_this<UnaryCall<Response>> {
   }
 
   // Runs `hook` once if the client goes away before Finish, perhaps at once.
-  void WhenCancelled(std::function<void()> hook) {
+  void WhenCancelled(std::function<void()> hook) override {
     {
       MutexLock lock(&mu_);
       if (!cancelled_) {

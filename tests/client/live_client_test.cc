@@ -76,6 +76,99 @@ TEST(LiveClient, MeasuresARoomThatItStreamedIn) {
   EXPECT_EQ(info->sources[0].last_frame_id, 4u);
 }
 
+TEST(LiveClient, ARobotIsCheckedByEveryRoad) {
+  const LiveServer server;
+  const auto client = server.Connect("room");
+  ASSERT_NE(client, nullptr);
+  ASSERT_TRUE(client->CreateMap("room", Voxels(0.1)).ok());
+  ASSERT_TRUE(SendRoom(*client, 8, true).ok());
+  const auto source = MakeRemoteDistanceSource(*client);
+  // Before the wall at x = -3, and beside the box that drives off at 1 m/s.
+  const std::vector<Sphere> robot = {{{0, 0, 0}, 0.3f}};
+  std::vector<Trajectory> paths(2);
+  for (Trajectory& path : paths) {
+    path.T_W_R.assign(2, Pose::Identity());
+    path.times_s = {0, 1};
+  }
+  paths[0].T_W_R[0].translation() << -1, 0, 0;
+  paths[0].T_W_R[1].translation() << -2.9, 0, 0;
+  paths[1].T_W_R[0].translation() << 1.2, 0, 0;
+  paths[1].T_W_R[1].translation() << 2.2, 0, 0;
+  CheckOptions options;
+  options.unknown_as_free = true;
+  const auto checked = source->CheckTrajectories(robot, paths, options);
+  ASSERT_TRUE(checked.ok()) << checked.status();
+  ASSERT_TRUE(checked->results[0].collides);
+  EXPECT_NEAR(checked->results[0].first_collision_s, 1.7 / 1.9, 0.05);
+  // It follows the box at the box's own speed.
+  EXPECT_FALSE(checked->results[1].collides);
+  EXPECT_EQ(checked->results[1].object_id, 7u);
+  EXPECT_NEAR(checked->results[1].twist.linear_mps.x(), 1, 0.05);
+  EXPECT_EQ(checked->stamp.revision, source->Stamp()->revision);
+
+  const auto poses =
+      source->CheckSpheres(robot, {paths[0].T_W_R[0], paths[0].T_W_R[1]}, {}, options);
+  ASSERT_TRUE(poses.ok()) << poses.status();
+  EXPECT_EQ(poses->collides, (std::vector<uint8_t>{0, 1}));
+  const Eigen::Matrix3Xd same = Eigen::Vector3d(1, 0, 0).replicate(1, 2);
+  const auto distances = source->Distances(same, std::vector<float>{0, 0.5f});
+  ASSERT_TRUE(distances.ok()) << distances.status();
+  EXPECT_NEAR(distances->distances_m[1] - distances->distances_m[0], 0.5, 0.1);
+
+  // The same in a pipeline, an error among it.
+  const auto stream = client->OpenQueryStream();
+  int right = 0, wrong = 0;
+  for (int i = 0; i < 100; ++i) {
+    std::vector<Trajectory> asked = paths;
+    if (i == 50) asked[1].times_s = {1, 0};
+    stream->CheckTrajectories(robot, asked, options, [&, i](const auto& answers) {
+      if (i == 50) {
+        wrong += absl::IsInvalidArgument(answers.status());
+      } else {
+        right += answers.ok() && answers->results[0].collides && !answers->results[1].collides;
+      }
+    });
+  }
+  const absl::Status finished = stream->Finish();
+  EXPECT_TRUE(finished.ok()) << finished;
+  EXPECT_EQ(right, 99);
+  EXPECT_EQ(wrong, 1);
+
+  // One world for a planning cycle.
+  const auto pin = client->PinRevision();
+  ASSERT_TRUE(pin.ok()) << pin.status();
+  wire::EditRegion edit;
+  edit.action = v1::EDIT_ACTION_MARK_OCCUPIED;
+  edit.box = Aabb(Eigen::Vector3d(-1.6, -0.5, -0.5), Eigen::Vector3d(-1.2, 0.5, 0.5));
+  ASSERT_TRUE(client->EditRegion("room", edit).ok());
+  const auto now = source->CheckSpheres(robot, {paths[0].T_W_R[0]}, {}, options);
+  ASSERT_TRUE(now.ok()) << now.status();
+  EXPECT_EQ(now->collides[0], 1);
+  options.pin_id = pin->id;
+  const auto then = source->CheckSpheres(robot, {paths[0].T_W_R[0]}, {}, options);
+  ASSERT_TRUE(then.ok()) << then.status();
+  EXPECT_EQ(then->collides[0], 0);
+  ASSERT_TRUE(client->ReleasePin("room", pin->id).ok());
+  EXPECT_TRUE(
+      absl::IsNotFound(source->CheckSpheres(robot, {paths[0].T_W_R[0]}, {}, options).status()));
+
+  // A region agrees with the points.
+  RegionOptions region;
+  region.bounds = Aabb(Eigen::Vector3d(-2.5, -2, -1), Eigen::Vector3d(2.5, 2, 1));
+  size_t cells = 0;
+  const absl::Status taken = client->GetRegion(region, [&](const RegionBlock& block) {
+    cells += block.states.size();
+    const auto at = client->QueryPoints(block.origin_W);
+    EXPECT_EQ(at->distances_m[0], block.distances_m[0]);
+    return absl::OkStatus();
+  });
+  EXPECT_TRUE(taken.ok()) << taken;
+  EXPECT_EQ(cells, 50u * 40 * 20);
+  EXPECT_EQ(client->GetRegion(
+                region, [](const RegionBlock&) { return absl::ResourceExhaustedError("enough"); }),
+            absl::ResourceExhaustedError("enough"));
+}
+
 TEST(LiveClient, SeesAnObjectMoveAndAhead) {
   const LiveServer server;
   const auto client = server.Connect("room");

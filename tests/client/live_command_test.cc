@@ -128,6 +128,23 @@ TEST_F(LiveCommand, QueryAnswersAFileOfPoints) {
   EXPECT_EQ(lines, 1000);
 }
 
+TEST_F(LiveCommand, CheckTellsWhetherAPathIsFree) {
+  const std::string robot = "check --map room --radius 0.3 --unknown-free ";
+  const Json hit =
+      Json::parse(Clearance(robot + "--from -2 0 0 --to -2.95 0 0 --duration 2 --json").out);
+  EXPECT_EQ(hit["collides"], true) << Err();
+  EXPECT_NEAR(hit["first_collision_s"].get<double>(), 2 * 0.7 / 0.95, 0.15);
+  EXPECT_EQ(hit["object_id"], 0);
+  server_->folder().Write("path.csv", "t,x,y,z\n0,-2,0,0\n1,-2,0.5,0\n");
+  const Outcome free = Clearance(robot + "--path " + Path("path.csv"));
+  EXPECT_EQ(free.exit_code, 0) << Err();
+  EXPECT_THAT(free.out, HasSubstr("is free"));
+  EXPECT_EQ(Clearance(robot + "--from 0 0 0 --to 1 0 0 --duration 100").exit_code, 4);
+  EXPECT_THAT(Err(), HasSubstr("trajectories[0].times_f64[1]"));
+  EXPECT_EQ(Clearance("check --map room --from 0 0 0 --to 1 0 0").exit_code, 2);
+  EXPECT_EQ(Clearance("check --map room --radius 0.3").exit_code, 2);
+}
+
 TEST_F(LiveCommand, ObjectsListsTheMovingBox) {
   const Json json = Json::parse(Clearance("objects --map room --json --trajectory").out);
   ASSERT_EQ(json["objects"].size(), 1u);

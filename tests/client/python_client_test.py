@@ -7,6 +7,7 @@ import grpc
 import numpy as np
 
 import clearance
+from clearance.v1 import query_pb2
 
 
 def wall_points():
@@ -37,6 +38,56 @@ class PythonClient(unittest.TestCase):
             self.assertEqual(client.objects(), [])
             with client.ingest("numpy") as stream:
                 self.assertEqual(stream.last_frame_id, 3)
+
+    def test_robots_regions_pins_and_pipelines(self):
+        with clearance.Client(self.address, map="robots") as client:
+            client.create_map("robots", voxel_size_m=0.1)
+            with client.ingest() as stream:
+                for i in range(4):
+                    stream.send(clearance.cloud_frame(
+                        i, 10**9 + i * 10**8, clearance.pose([0, 0, 0]), wall_points()))
+            sphere = [0, 0, 0, 0.2]
+            towards = [[2.0, 0, 0], [3.9, 0, 0]]
+            beside = [[2.0, -0.3, 0], [2.0, 0.3, 0]]
+            hit, free = client.check_trajectories(
+                sphere, [(towards, [0, 1]), (beside, [0, 1])], unknown_as_free=True)
+            self.assertTrue(hit.collides)
+            self.assertAlmostEqual(hit.first_collision_s, (3.8 - 2.0) / 1.9, delta=0.05)
+            self.assertFalse(free.collides)
+            self.assertAlmostEqual(free.min_clearance_m, 1.8, delta=0.08)
+            answers = client.check_spheres(sphere, [[2.0, 0, 0], [3.95, 0, 0]], unknown_as_free=True)
+            self.assertEqual(list(answers.collides), [False, True])
+            with self.assertRaises(clearance.ClearanceError) as caught:
+                client.check_trajectories(sphere, [(towards, [0, 9])])
+            self.assertEqual(caught.exception.code, grpc.StatusCode.OUT_OF_RANGE)
+            self.assertIn("trajectories[0].times_f64[1]", str(caught.exception))
+
+            blocks = list(client.region([1, -1, -0.5], [4.5, 1, 0.5], gradients=True))
+            self.assertEqual(sum(b.states.size for b in blocks), 35 * 20 * 10)
+            z, y, x = (0, 0, 0)
+            np.testing.assert_allclose(
+                blocks[0].distances_m[z, y, x], client.distances([blocks[0].origin])[0])
+            for block in client.region([1, -1, -0.5], [4.5, 1, 0.5], 0.02):
+                break  # leaves early
+
+            with client.pin() as pin:
+                with client.ingest("other") as stream:
+                    stream.send(clearance.cloud_frame(
+                        1, 2 * 10**9, clearance.pose([0, 0, 0]), wall_points()))
+                old = client.query([[2.0, 0, 0]], pin_id=pin.pin_id)
+                self.assertEqual(old.stamp.revision, pin.stamp.revision)
+                self.assertEqual(client.query([[2.0, 0, 0]]).stamp.revision, 5)
+            with self.assertRaises(clearance.ClearanceError) as caught:
+                client.query([[2.0, 0, 0]], pin_id=pin.pin_id)
+            self.assertEqual(caught.exception.code, grpc.StatusCode.NOT_FOUND)
+
+            requests = [query_pb2.QueryPointsRequest(positions_xyz=[2.0, 0, 0] if i != 7 else [1.0])
+                        for i in range(50)]
+            answers = dict(client.pipeline(requests))
+            self.assertEqual(sorted(answers), list(range(50)))
+            self.assertEqual(answers.pop(7).code, grpc.StatusCode.INVALID_ARGUMENT)
+            for answer in answers.values():
+                self.assertEqual(len(answer.states_u8), 1)
 
     def test_depth_images_and_moving_objects(self):
         depth = np.full((48, 64), 3000, np.uint16)

@@ -352,11 +352,16 @@ TEST_F(QueryServiceTest, WhatIsNotOfferedYetSaysSo) {
   auto stream = query_->QueryStream(&c[5]);
   EXPECT_FALSE(stream->Read(&answer));
   expect(stream->Finish(), "QueryStream");
+c[3];
+  v1::WatchMapResponse delta;
+  auto watch = v1::WatchService::NewStub(channel_)->WatchMap(&c[0], {});
+  EXPECT_FALSE(watch->Read(&delta));
+  expect(watch->Finish(), "WatchMap");
   v1::CreateSnapshotResponse snapshot;
-  expect(v1::SnapshotService::NewStub(channel_)->CreateSnapshot(&c[7], {}, &snapshot),
+  expect(v1::SnapshotService::NewStub(channel_)->CreateSnapshot(&c[1], {}, &snapshot),
          "CreateSnapshot");
   v1::RepositionSubmapsResponse submaps;
-  expect(map_->RepositionSubmaps(&c[8], {}, &submaps), "RepositionSubmaps");
+  expect(map_->RepositionSubmaps(&c[2], {}, &submaps), "RepositionSubmaps");
 }
 
 }  // namespace

@@ -17,6 +17,7 @@ from clearance.client import Answers, Client
 from clearance.errors import ClearanceError
 from clearance.frames import cloud_frame, depth_frame, object_motion, pose
 from clearance.ingest import IngestStream
+from clearance.queries import Pin, RegionBlock, SphereAnswers
 
 __all__ = [
     "Answers",
@@ -25,6 +26,9 @@ __all__ = [
     "FREE",
     "IngestStream",
     "OCCUPIED",
+    "Pin",
+    "RegionBlock",
+    "SphereAnswers",
     "UNKNOWN",
     "cloud_frame",
     "depth_frame",

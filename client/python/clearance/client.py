@@ -7,6 +7,7 @@ import grpc
 from clearance import arrays, channel
 from clearance.errors import ClearanceError
 from clearance.ingest import IngestStream
+from clearance.queries import Pin, RegionBlock, SphereAnswers, pipeline
 from clearance.v1 import (common_pb2, ingest_pb2_grpc, map_pb2, map_pb2_grpc, query_pb2,
                           query_pb2_grpc, watch_pb2, watch_pb2_grpc)
 
@@ -56,7 +57,8 @@ class Client:
         return self.query(xyz, horizon_s, gradients=False, objects=False, sigmas=False).distances_m
 
     def query(self, xyz, horizon_s=0.0, *, gradients=True, objects=True, sigmas=True,
-              static_only=False, weighted=False, sigma_margin=0.0, min_revision=0, wait_s=0.0):
+              static_only=False, weighted=False, sigma_margin=0.0, min_revision=0, wait_s=0.0,
+              pin_id=0):
         """Everything about the (n, 3) points, `horizon_s` after the map's stamp, as Answers."""
         request = query_pb2.QueryPointsRequest(
             map=self.map, positions_f64=arrays.points_bytes(xyz, "<f8"), horizon_s=horizon_s,
@@ -66,12 +68,88 @@ class Client:
         request.layers.static_only = static_only
         request.consistency.min_revision = min_revision
         request.consistency.wait_s = wait_s
+        request.consistency.pin_id = pin_id
         reply = self._call(self._query.QueryPoints, request)
         return Answers(
             arrays.array(reply.distances_f32, "<f4"), arrays.array(reply.states_u8, "u1"),
             arrays.array(reply.gradients_f32, "<f4", 3), arrays.array(reply.object_ids_u32, "<u4"),
             arrays.array(reply.sigmas_f32, "<f4"), list(reply.objects), reply.stamp,
             reply.reference_ns)
+
+    def check_trajectories(self, spheres, trajectories, **options):
+        """Whether a robot can follow timed paths; one TrajectoryResult message each.
+
+        spheres: (k, 4) x, y, z, radius in the robot frame. trajectories: pairs (poses, times) with
+        poses (m, 7) tx, ty, tz, qx, qy, qz, qw or (m, 3) positions, and times (m,) seconds after
+        the map's stamp. Options: margin_m, unknown_as_free, sigma_margin, static_only, pin_id,
+        min_revision, wait_s, reference_ns.
+        """
+        request = query_pb2.CheckTrajectoriesRequest()
+        self._set_check(request, spheres, **options)
+        for poses, times_s in trajectories:
+            request.trajectories.add(waypoints_f64=arrays.poses_bytes(poses),
+                                     times_f64=arrays.numbers_bytes(times_s, "<f8"))
+        return list(self._call(self._query.CheckTrajectories, request).results)
+
+    def check_spheres(self, spheres, poses, times_s=(), **options):
+        """Whether a robot collides at each pose, as SphereAnswers; arguments as above."""
+        request = query_pb2.CheckSpheresRequest(
+            poses_f64=arrays.poses_bytes(poses), times_f64=arrays.numbers_bytes(times_s, "<f8"))
+        self._set_check(request, spheres, **options)
+        reply = self._call(self._query.CheckSpheres, request)
+        return SphereAnswers(
+            arrays.array(reply.collides_u8, "u1").astype(bool),
+            arrays.array(reply.clearances_f32, "<f4"),
+            arrays.array(reply.sphere_indices_u32, "<u4"),
+            arrays.array(reply.object_ids_u32, "<u4"), reply.stamp, reply.reference_ns)
+
+    def region(self, lower, upper, resolution_m=0.0, horizon_s=0.0, *, gradients=False,
+               objects=False, known_only=False, pin_id=0):
+        """Yields the box's blocks as RegionBlocks, all of one revision; leave early to cancel."""
+        request = query_pb2.GetRegionRequest(
+            map=self.map, resolution_m=resolution_m, horizon_s=horizon_s, gradients=gradients,
+            objects=objects, known_only=known_only)
+        request.consistency.pin_id = pin_id
+        for corner, values in ((request.bounds.min, lower), (request.bounds.max, upper)):
+            corner.x_m, corner.y_m, corner.z_m = map(float, values)
+        call = self._query.GetRegion(request)
+        try:
+            for block in call:
+                yield RegionBlock.of(block)
+        except grpc.RpcError as error:
+            raise ClearanceError(error.code(), error.details()) from None
+        finally:
+            call.cancel()
+
+    def pin(self, revision=0, ttl_s=0.0):
+        """Keeps a revision (0: the newest) answerable: `with client.pin() as pin: ... pin.pin_id`."""
+        request = query_pb2.PinRevisionRequest(map=self.map, revision=revision, ttl_s=ttl_s)
+        return Pin(self, self._call(self._query.PinRevision, request))
+
+    def release_pin(self, pin_id):
+        self._call(self._query.ReleasePin,
+                   query_pb2.ReleasePinRequest(map=self.map, pin_id=pin_id))
+
+    def pipeline(self, requests):
+        """Sends request messages over one stream; yields (index, response or ClearanceError).
+
+        Responses come as the server has them, which may be another order than that of the requests.
+        """
+        return pipeline(self._query, self.map, requests)
+
+    def _set_check(self, request, spheres, *, margin_m=0.0, unknown_as_free=False, sigma_margin=0.0,
+                   static_only=False, pin_id=0, min_revision=0, wait_s=0.0, reference_ns=0):
+        request.map = self.map
+        request.spheres_f32 = arrays.spheres_bytes(spheres)
+        request.margin_m = margin_m
+        request.unknown_policy = (common_pb2.UNKNOWN_POLICY_AS_FREE if unknown_as_free
+                                  else common_pb2.UNKNOWN_POLICY_AS_OCCUPIED)
+        request.sigma_margin = sigma_margin
+        request.layers.static_only = static_only
+        request.reference_ns = reference_ns
+        request.consistency.pin_id = pin_id
+        request.consistency.min_revision = min_revision
+        request.consistency.wait_s = wait_s
 
     def objects(self, horizon_s=0.0, include_history=False):
         """The ObjectInfo messages of all objects that the map remembers."""
