@@ -173,9 +173,12 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "peers_benchmark: %s\n", recording.status().ToString().c_str());
     return 1;
   }
-  for (const auto& [name, run] : {std::pair{"OctoMap", OctoMap}, std::pair{"OpenVdb", OpenVdb}}) {
+  using Run = void (*)(benchmark::State&, const Recording&);
+  const std::vector<std::pair<const char*, Run>> peers = {{"OctoMap", OctoMap},
+                                                          {"OpenVdb", OpenVdb}};
+  for (const auto& [name, run] : peers) {
     benchmark::RegisterBenchmark(
-        name, [&, run = run](benchmark::State& state) { run(state, *recording); })
+        name, [&recording, run = run](benchmark::State& state) { run(state, *recording); })
         ->Iterations(1)
         ->Unit(benchmark::kMillisecond);
   }

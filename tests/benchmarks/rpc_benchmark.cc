@@ -272,8 +272,10 @@ int main(int argc, char** argv) {
       ->Iterations(quick ? 60 : 300)
       ->UseManualTime()
       ->Unit(benchmark::kMillisecond);
-  for (const auto& [name, run] : {std::pair{"BesideIngestEdges", BesideIngestEdges},
-                                  std::pair{"BesideIngest20Hz", BesideIngest20Hz}}) {
+  using Run = void (*)(benchmark::State&);
+  const std::vector<std::pair<const char*, Run>> beside = {{"BesideIngestEdges", BesideIngestEdges},
+                                                           {"BesideIngest20Hz", BesideIngest20Hz}};
+  for (const auto& [name, run] : beside) {
     benchmark::RegisterBenchmark(name, run)
         ->Iterations(quick ? 60 : 300)
         ->UseManualTime()
