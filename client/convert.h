@@ -2,6 +2,7 @@
 #pragma once
 
 #include "absl/status/statusor.h"
+#include "clearance/v1/admin.pb.h"
 #include "clearance/v1/ingest.pb.h"
 #include "clearance/v1/map.pb.h"
 #include "clearance/v1/query.pb.h"
@@ -20,6 +21,7 @@ absl::StatusOr<DistanceAnswers> FromProto(const v1::QueryPointsResponse& reply, 
 absl::StatusOr<ObjectInfo> FromProto(const v1::ObjectInfo& info);
 absl::StatusOr<Slice> FromProto(const v1::GetSliceResponse& reply);
 absl::StatusOr<MapInfo> FromProto(const v1::MapInfo& info);
+ServerStats FromProto(const v1::GetStatsResponse& reply);
 
 void ToProto(const QueryOptions& options, v1::QueryPointsRequest* request);
 void ToProto(const QueryOptions& options, v1::ListObjectsRequest* request);

@@ -31,7 +31,7 @@ absl::Status Call(Stub& stub,
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<EsdfClient>> EsdfClient::Connect(const ClientOptions& options) {
-  auto channel = OpenChannel(options.address, options.connect_timeout);
+  auto channel = OpenChannel(options.address, options.credentials, options.connect_timeout);
   if (!channel.ok()) return channel.status();
   auto connection = std::make_unique<Connection>();
   connection->options = options;
@@ -186,6 +186,26 @@ absl::StatusOr<ServerInfo> EsdfClient::GetServerInfo() const {
   info.max_frame_points = reply.limits().max_frame_points();
   info.max_slice_cells = reply.limits().max_slice_cells();
   return info;
+}
+
+absl::StatusOr<ServerStats> EsdfClient::GetStats(const std::string& map) const {
+  v1::GetStatsRequest request;
+  request.set_map(map);
+  v1::GetStatsResponse reply;
+  absl::Status status = Call(*connection_->admin, &v1::AdminService::Stub::GetStats, request,
+                             &reply, connection_->options);
+  if (!status.ok()) return status;
+  return FromProto(reply);
+}
+
+absl::StatusOr<uint64_t> EsdfClient::Drain(double timeout_s) const {
+  v1::DrainRequest request;
+  request.set_timeout_s(timeout_s);
+  v1::DrainResponse reply;
+  absl::Status status = Call(*connection_->admin, &v1::AdminService::Stub::Drain, request, &reply,
+                             connection_->options);
+  if (!status.ok()) return status;
+  return reply.settled_frames();
 }
 
 }  // namespace clearance::client

@@ -9,6 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "client/credentials.h"
 #include "client/ingest_stream.h"
 #include "client/types.h"
 
@@ -18,6 +19,7 @@ struct ClientOptions {
   // "HOST:PORT", "unix:/path" or the path of a unix socket.
   std::string address = "127.0.0.1:50051";
   std::string map;  // the map of calls that name none; empty is `default`
+  Credentials credentials;
   absl::Duration connect_timeout = absl::Seconds(3);
   absl::Duration call_timeout = absl::Seconds(30);
   absl::Duration export_timeout = absl::Minutes(5);
@@ -28,7 +30,8 @@ struct ClientOptions {
 // threads at once.
 class EsdfClient {
  public:
-  // Waits for the server up to connect_timeout; UNAVAILABLE with the cause where it is not there.
+  // Waits for the server up to connect_timeout; UNAVAILABLE with the cause where it is not there,
+  // NOT_FOUND or INVALID_ARGUMENT for credentials that cannot be read.
   static absl::StatusOr<std::unique_ptr<EsdfClient>> Connect(const ClientOptions& options);
   ~EsdfClient();
 
@@ -69,6 +72,11 @@ class EsdfClient {
   // True while serving. NOT_FOUND for a service the server does not know.
   absl::StatusOr<bool> IsServing(const std::string& service = "") const;
   absl::StatusOr<ServerInfo> GetServerInfo() const;
+  // Of one map, or of all where `map` is empty.
+  absl::StatusOr<ServerStats> GetStats(const std::string& map) const;
+  // Stops taking frames and settles what waits; the server then answers UNAVAILABLE until it is
+  // stopped. Returns how many frames it settled meanwhile. 0 s = the server's own limit.
+  absl::StatusOr<uint64_t> Drain(double timeout_s) const;
 
   // Opens a source's stream; see IngestStream.
   absl::StatusOr<std::unique_ptr<IngestStream>> OpenIngest(IngestOptions options) const;

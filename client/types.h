@@ -154,6 +154,31 @@ struct ServerInfo {
   uint64_t max_message_bytes = 0, max_query_points = 0, max_frame_points = 0, max_slice_cells = 0;
 };
 
+// Since the server's start, milliseconds.
+struct Latency {
+  std::string name;  // a stage of integration, or an RPC
+  uint64_t count = 0;
+  double mean_ms = 0, p50_ms = 0, p95_ms = 0, p99_ms = 0, max_ms = 0;
+};
+
+struct MapStats {
+  std::string map;
+  MapStamp stamp;
+  uint64_t frames_integrated = 0, frames_dropped = 0, frames_rejected = 0, frames_duplicate = 0;
+  uint64_t queue_length = 0, queue_capacity = 0;
+  uint64_t memory_bytes = 0, static_voxels = 0, field_blocks = 0;
+  uint32_t tracked_objects = 0, coasting_objects = 0, lost_objects = 0, retired_objects = 0;
+  std::vector<Latency> stages;
+};
+
+struct ServerStats {
+  std::vector<MapStats> maps;
+  uint64_t resident_bytes = 0, open_streams = 0;
+  uint32_t threads = 0;
+  double uptime_s = 0;
+  std::vector<Latency> calls;
+};
+
 struct MeshOptions {
   std::string map;
   std::optional<uint32_t> object_id;  // absent: the static map

@@ -60,6 +60,7 @@ clearance::RegistryOptions RegistryOptionsOf(const clearance::ServerConfig& conf
   options.model = clearance::LiveMapFactory();
   options.max_maps = config.max_maps;
   options.engine.queue_frames = config.queue_frames;
+  options.engine.kept_revisions = 3;  // each holds the blocks that the next ones replaced
   options.engine.codec = clearance::WireFrameCodec();
   options.engine.process_memory_cap_bytes = config.memory_limit_bytes;
   options.engine.evict_over_cap = config.evict_over_memory;
@@ -83,6 +84,8 @@ clearance::ServerOptions ServerOptionsOf(const clearance::ServerConfig& config) 
   clearance::ServerOptions options;
   options.listen = config.listen;
   options.socket = config.socket;
+  options.tls = {config.tls_certificate, config.tls_key, config.tls_client_ca};
+  options.access_file = config.access_file;
   options.limits.max_message_bytes = config.max_message_bytes;
   options.limits.max_query_points = config.max_query_points;
   options.limits.max_slice_cells = config.max_slice_cells;
@@ -147,6 +150,11 @@ int Serve(const clearance::ServerConfig& config, const sigset_t& stop_signals) {
     if (!map.ok()) return Fail(map.status(), kFailed);
   }
   (*server)->Loaded();
+  if (config.allow_remote_plaintext && config.tls_certificate.empty()) {
+    std::cerr << "warning: serving in plain text; whoever reaches an address above can read every "
+                 "call and every token"
+              << std::endl;
+  }
   std::cout << "ready" << std::endl;
 
   int signal = 0;

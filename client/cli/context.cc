@@ -37,6 +37,14 @@ absl::StatusOr<std::unique_ptr<client::EsdfClient>> Context::Connect() const {
   client::ClientOptions options;
   options.address = server;
   options.map = map;
+  options.credentials = credentials;
+  if (!token_file.empty()) {
+    std::ifstream in(token_file);
+    if (!(in >> options.credentials.token)) {
+      return absl::NotFoundError(
+          absl::StrFormat("--token-file %s: cannot be read, or is empty", token_file));
+    }
+  }
   options.call_timeout = absl::Seconds(timeout_s);
   options.connect_timeout = std::min(options.connect_timeout, absl::Seconds(timeout_s));
   return client::EsdfClient::Connect(options);

@@ -24,6 +24,8 @@ struct Context {
   std::string map;
   bool json = false;
   double timeout_s = 30;
+  client::Credentials credentials;
+  std::string token_file;
   std::function<absl::Status()> run;  // the chosen command
 
   absl::StatusOr<std::unique_ptr<client::EsdfClient>> Connect() const;
@@ -41,6 +43,9 @@ void AddGrid(CLI::App& app, Context& context);
 void AddHealth(CLI::App& app, Context& context);
 void AddMap(CLI::App& app, Context& context);
 void AddSnapshot(CLI::App& app, Context& context);
+void AddTop(CLI::App& app, Context& context);
+void AddDoctor(CLI::App& app, Context& context);
+void AddDrain(CLI::App& app, Context& context);
 void AddVersion(CLI::App& app, Context& context);
 
 // A subcommand that sets context.run to `run`.

@@ -1,10 +1,13 @@
 // The `clearance` command line: arguments, one command, an exit code.
 #include <CLI/CLI.hpp>
+#include <cstdlib>
 #include <iostream>
 #include <string>
 
+#include "client/cli/bench.h"
 #include "client/cli/context.h"
 #include "client/cli/print.h"
+#include "client/cli/watch.h"
 
 namespace clearance::cli {
 namespace {
@@ -38,8 +41,22 @@ int Main(int argc, char** argv) {
   app.add_option("--timeout", context.timeout_s, "seconds for one call")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
-  for (const auto add : {AddIngest, AddQuery, AddObjects, AddInfo, AddSlice, AddMesh, AddGrid,
-                         AddHealth, AddMap, AddSnapshot, AddVersion}) {
+  app.add_option("--tls-ca", context.credentials.tls_ca,
+                 "PEM file of the authority that signed the server's certificate: connect by TLS")
+      ->envname("CLEARANCE_TLS_CA");
+  app.add_option("--tls-cert", context.credentials.tls_certificate, "PEM file of this client's own")
+      ->envname("CLEARANCE_TLS_CERT");
+  app.add_option("--tls-key", context.credentials.tls_key, "PEM file of its key")
+      ->envname("CLEARANCE_TLS_KEY");
+  app.add_option("--tls-server-name", context.credentials.tls_server_name,
+                 "the name in the server's certificate, where it is not the address's host");
+  app.add_option("--token-file", context.token_file,
+                 "file that holds this caller's token (or CLEARANCE_TOKEN holds it)")
+      ->envname("CLEARANCE_TOKEN_FILE");
+  if (const char* token = std::getenv("CLEARANCE_TOKEN")) context.credentials.token = token;
+  for (const auto add :
+       {AddIngest, AddQuery, AddObjects, AddInfo, AddSlice, AddMesh, AddGrid, AddHealth, AddMap,
+        AddBench, AddWatch, AddSnapshot, AddTop, AddDoctor, AddDrain, AddVersion}) {
     add(app, context);
   }
   for (CLI::App* command : app.get_subcommands({})) {

@@ -23,8 +23,9 @@ absl::Status CheckAddress(std::string_view address, std::string_view key, bool a
   if (!parsed.ok()) return parsed.status();
   if (!allow_remote && !IsLoopback(parsed->host)) {
     return absl::InvalidArgumentError(absl::StrFormat(
-        "%s: got '%s', which others can reach in plain text; expected a loopback address. Set "
-        "server.allow_remote_plaintext (--allow-remote-plaintext) to serve it all the same",
+        "%s: got '%s', which others can reach in plain text; expected a loopback address, "
+        "or security.certificate and security.key for TLS. Set server.allow_remote_plaintext "
+        "(--allow-remote-plaintext) to serve it all the same",
         key, address));
   }
   return absl::OkStatus();
@@ -33,8 +34,18 @@ absl::Status CheckAddress(std::string_view address, std::string_view key, bool a
 }  // namespace
 
 absl::Status ServerConfig::Validate() const {
+  const bool tls = !tls_certificate.empty();
+  if (tls == tls_key.empty()) {
+    return absl::InvalidArgumentError(
+        "security.certificate and security.key: got one of them, expected both or none");
+  }
+  if (!tls && !tls_client_ca.empty()) {
+    return absl::InvalidArgumentError("security.client_ca: needs security.certificate and key");
+  }
   for (const std::string& address : listen) {
-    if (auto s = CheckAddress(address, "server.listen", allow_remote_plaintext); !s.ok()) return s;
+    if (auto s = CheckAddress(address, "server.listen", tls || allow_remote_plaintext); !s.ok()) {
+      return s;
+    }
   }
   if (listen.empty() && socket.empty()) {
     return absl::InvalidArgumentError("server.listen and server.socket: got neither, expected one");

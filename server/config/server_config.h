@@ -22,6 +22,11 @@ struct ServerConfig {
   int worker_queue = 256;                                 // calls that may wait for them
   double drain_timeout_s = 8.0;
 
+  // security: paths of PEM files for TLS on the TCP addresses, and who may do what
+  std::string tls_certificate, tls_key;
+  std::string tls_client_ca;  // set: clients must show a certificate
+  std::string access_file;    // tokens and certificate names with their rights; empty = no check
+
   // limits
   uint64_t max_message_bytes = 16u << 20;
   uint64_t max_maps = 64;

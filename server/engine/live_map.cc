@@ -1,7 +1,6 @@
 #include "server/engine/live_map.h"
 
 #include <algorithm>
-#include <chrono>
 #include <set>
 
 #include "absl/strings/str_format.h"
@@ -10,25 +9,10 @@
 #include "server/map/eviction.h"
 #include "server/map/surface_grids.h"
 #include "server/query/object_index.h"
-#include "server/query/object_tree.h"
+#include "server/query/site_following.h"
 
 namespace clearance {
 namespace {
-
-// Appends the time since the last lap under a name.
-class Laps {
- public:
-  explicit Laps(StageTimes* out) : out_(out) {}
-  void Lap(const char* stage) {
-    const auto now = std::chrono::steady_clock::now();
-    out_->emplace_back(stage, std::chrono::duration<double, std::milli>(now - last_).count());
-    last_ = now;
-  }
-
- private:
-  StageTimes* out_;
-  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
-};
 
 bool Contains(const RegionEdit& edit, const Eigen::Vector3d& p_W) {
   if (edit.box) return edit.box->contains(p_W);
@@ -37,8 +21,9 @@ bool Contains(const RegionEdit& edit, const Eigen::Vector3d& p_W) {
 
 }  // namespace
 
-LiveMap::LiveMap(const MapConfig& config)
+LiveMap::LiveMap(const MapConfig& config, StageClock clock)
     : config_(config),
+      clock_(clock),
       integrator_(IntegratorOptions::For(config)),
       world_(config),
       updater_(config, world_.fusion()),
@@ -46,10 +31,10 @@ LiveMap::LiveMap(const MapConfig& config)
 
 absl::StatusOr<MapModel::Integrated> LiveMap::Integrate(const Frame& frame) {
   Integrated result;
-  Laps laps(&result.stages);
-  absl::StatusOr<MapUpdate> update = integrator_.Integrate(frame, world_);
+  StageLaps laps(&result.stages, clock_);
+  absl::StatusOr<MapUpdate> update = integrator_.Integrate(frame, world_, laps);
   if (!update.ok()) return update.status();
-  laps.Lap("integrate");
+  laps.Whole("integrate");
   const AppliedChanges changes = world_.Apply(*update);
   laps.Lap("apply");
   UpdateField(changes);
@@ -109,16 +94,13 @@ void LiveMap::UpdateShapes(const AppliedChanges& changes) {
     const auto it = world_.objects().find(changed.id);
     if (it == world_.objects().end()) continue;
     const ObjectSubmap& object = it->second;
-    const bool known = shapes_.contains({object.id(), object.generation()});
-    if (!known || !changed.blocks.empty()) BuildShape(object);
+    std::shared_ptr<const ObjectShape>& shape = shapes_[{object.id(), object.generation()}];
+    if (shape && changed.blocks.empty()) continue;
+    shape = FollowSites(shape, ExtractSurfaceSites(object.surface(), world_.fusion()),
+                        config_.voxel_size_m);
   }
   MarkMeshes(changes);
   if (shapes_.size() > world_.objects().size() + world_.retired().size()) ForgetEvicted();
-}
-
-void LiveMap::BuildShape(const ObjectSubmap& object) {
-  shapes_[{object.id(), object.generation()}] = BuildObjectShape(
-      ExtractSurfaceSites(object.surface(), world_.fusion()), config_.voxel_size_m);
 }
 
 void LiveMap::MarkMeshes(const AppliedChanges& changes) {

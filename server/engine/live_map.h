@@ -16,7 +16,7 @@ namespace clearance {
 
 class LiveMap final : public MapModel {
  public:
-  explicit LiveMap(const MapConfig& config);
+  explicit LiveMap(const MapConfig& config, StageClock clock = WallMs);
 
   absl::StatusOr<Integrated> Integrate(const Frame& frame) override;
   absl::StatusOr<Edited> Edit(const RegionEdit& edit) override;
@@ -37,7 +37,6 @@ class LiveMap final : public MapModel {
  private:
   using SurfaceKey = std::pair<ObjectId, uint32_t>;  // and generation; (0, 0) is the static map
 
-  void BuildShape(const ObjectSubmap& object);
   void UpdateField(const AppliedChanges& changes);
   void UpdateShapes(const AppliedChanges& changes);
   void MarkMeshes(const AppliedChanges& changes);
@@ -45,6 +44,7 @@ class LiveMap final : public MapModel {
   ObjectView ViewOf(const ObjectSubmap& object, int64_t stamp_ns) const;
 
   const MapConfig config_;
+  const StageClock clock_;
   const FrameIntegrator integrator_;
   WorldMap world_;
   FieldUpdater updater_;

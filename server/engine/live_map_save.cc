@@ -7,12 +7,13 @@
 #include <tbb/parallel_invoke.h>
 
 #include <map>
-#include <set>
 
 #include "absl/strings/str_format.h"
 #include "server/engine/live_map.h"
 #include "server/map/surface_grids.h"
 #include "server/map/vdb_export.h"
+#include "server/query/object_tree.h"
+#include "server/query/shape_codec.h"
 
 namespace clearance {
 namespace {
@@ -119,6 +120,10 @@ std::unique_ptr<FrozenModel> LiveMap::Freeze() {
   for (const auto& [key, shape] : shapes_) {
     state.Put(key.first.value());
     state.Put(key.second);
+    // Not to be had from the surface again: sites stay where they were published.
+    std::string sites;
+    AppendSites(shape->sites, 0, shape->sites.size(), &sites);
+    state.PutText(sites);
   }
   state.Put<uint8_t>(observed_blocks_.has_value());
   const auto observed = observed_blocks_.value_or(Eigen::AlignedBox<int32_t, 3>());
@@ -160,16 +165,13 @@ absl::StatusOr<std::unique_ptr<MapModel>> LiveMap::Load(const MapConfig& config,
   map->world_ = *std::move(world);
   map->updater_ = *std::move(updater);
   map->field_ = map->updater_.field();
-  std::set<SurfaceKey> shaped;
   for (size_t left = in.GetCount(sizeof(uint16_t)); left > 0; --left) {
     const ObjectId id(in.Get<uint16_t>());
-    shaped.emplace(id, in.Get<uint32_t>());
+    const auto generation = in.Get<uint32_t>();
+    std::vector<SurfaceSite> sites;
+    if (absl::Status s = ReadSites(in.GetText(), &sites); !s.ok()) return s;
+    map->shapes_[{id, generation}] = BuildObjectShape(std::move(sites), config.voxel_size_m);
   }
-  const auto build = [&](const ObjectSubmap& object) {
-    if (shaped.contains({object.id(), object.generation()})) map->BuildShape(object);
-  };
-  for (const auto& [id, object] : map->world_.objects()) build(object);
-  for (const ObjectSubmap& object : map->world_.retired()) build(object);
   const bool observed = in.Get<uint8_t>() != 0;
   Eigen::AlignedBox<int32_t, 3> box;
   in.GetMatrix(box.min());

@@ -12,14 +12,12 @@
 
 #include "absl/status/statusor.h"
 #include "server/core/frame.h"
+#include "server/core/stage_laps.h"
 #include "server/map/map_view.h"
 #include "server/map/world_map.h"
 #include "server/query/mesh.h"
 
 namespace clearance {
-
-// Durations of the steps of one frame, milliseconds, in the order in which they ran.
-using StageTimes = std::vector<std::pair<std::string, double>>;
 
 // Sizes for people and metrics; taken now and then, not for every revision.
 struct MapSizes {
@@ -48,7 +46,7 @@ class MapModel {
 
   struct Integrated {
     std::vector<Violation> violations;  // refused object motions; the frame counts
-    StageTimes stages;
+    StageTimes stages;  // "integrate" is the sum of the integrator's own
   };
   // Integrates and applies one frame; the next View shows it. INVALID_ARGUMENT: nothing changed.
   virtual absl::StatusOr<Integrated> Integrate(const Frame& frame) = 0;

@@ -1,11 +1,14 @@
 #include "server/engine/mapping_engine.h"
 
+#include <malloc.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "server/engine/background_priority.h"
 
 namespace clearance {
 namespace {
@@ -20,6 +23,9 @@ double MsBetween(std::chrono::steady_clock::time_point from,
                  std::chrono::steady_clock::time_point to) {
   return std::chrono::duration<double, std::milli>(to - from).count();
 }
+
+// Without work for this long, memory that a burst of frames needed goes back to the system.
+constexpr std::chrono::milliseconds kRestAfter{500};
 
 FrameAck AckOf(uint64_t frame_id, FrameAck::Status status, const RevisionStamp& stamp) {
   FrameAck ack;
@@ -183,7 +189,10 @@ absl::Status MappingEngine::EditRegion(const RegionEdit& edit, EditCallback done
 }
 
 void MappingEngine::Run() {
+  const BackgroundPriority background;
   RefreshSizes(true);
+  Clock::time_point worked_at = Clock::now();
+  bool rested = true;
   mu_.Lock();
   while (true) {
     if (stopping_) break;
@@ -195,6 +204,8 @@ void MappingEngine::Run() {
       for (Task& task : tasks) task(model_.get(), Latest());
       tasks.clear();
       RefreshSizes(false);
+      worked_at = Clock::now();
+      rested = false;
       mu_.Lock();
       busy_ = false;
       changed_.NotifyAll();
@@ -202,7 +213,18 @@ void MappingEngine::Run() {
     }
     std::optional<QueuedFrame> item = queue_.Pop();
     if (!item) {
-      changed_.Wait(&mu_);
+      const Clock::time_point rest_at = worked_at + kRestAfter;
+      if (rested) {
+        changed_.Wait(&mu_);
+      } else if (Clock::now() < rest_at) {
+        changed_.WaitUntil(&mu_, rest_at);
+      } else {
+        rested = true;
+        mu_.Unlock();
+        malloc_trim(0);  // freed frames and replaced blocks lie between what stays
+        RefreshSizes(true);
+        mu_.Lock();
+      }
       continue;
     }
     busy_ = true;
@@ -211,6 +233,8 @@ void MappingEngine::Run() {
     mu_.Unlock();
     for (const auto& notify : room) notify();
     RunFrame(std::move(*item));
+    worked_at = Clock::now();
+    rested = false;
     mu_.Lock();
     busy_ = false;
     changed_.NotifyAll();
@@ -340,11 +364,12 @@ void MappingEngine::RecordStages(const StageTimes& stages) {
 }
 
 void MappingEngine::RefreshSizes(bool force) {
-  // Sizes cost time that grows with the map, so they are taken by the clock, not by the frame.
+  // Sizes cost time that grows with the map, so they are taken by the clock, not by the frame, and
+  // the more rarely the longer they take: no more than a fiftieth of the thread's time.
   const Clock::time_point now = Clock::now();
-  if (!force && now - sizes_at_ < options_.sizes_period) return;
-  sizes_at_ = now;
+  if (!force && now < sizes_at_) return;
   MapSizes sizes = model_->Sizes();
+  sizes_at_ = now + std::max<Clock::duration>(options_.sizes_period, 50 * (Clock::now() - now));
   {
     MutexLock lock(&mu_);
     sizes_ = std::move(sizes);

@@ -28,7 +28,7 @@ class BlockPool {
  private:
   // Readers that pin an old revision keep its generation back; no more than this many wait.
   static constexpr size_t kMaxGenerations = 12;
-  static constexpr size_t kMaxFree = 16384;
+  static constexpr size_t kMaxFree = 4096;
 
   std::vector<std::shared_ptr<FieldBlock>> free_;
   std::vector<std::shared_ptr<FieldBlock>> current_;

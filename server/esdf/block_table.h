@@ -34,6 +34,7 @@ struct BlockRecord {
   uint32_t written_in = 0;   // update in which `data` became ours to write
   uint32_t scanned_in = 0;   // update in which removed sites were looked for
   bool queued = false;
+  uint8_t offered = 0;        // faces across which neighbours have something to offer
   uint32_t extracted_in = 0;  // update in which the block was last read from the map
   BlockShadow shadow;
   // Site blocks that this block's voxels name, sorted.

@@ -252,7 +252,10 @@ void FieldUpdater::Propagate(const std::vector<SeedTask>& tasks) {
     return (b.x + b.y + b.z) & 1;
   };
   std::array<std::vector<int32_t>, 2> work;
-  for (const SeedTask& task : tasks) work[colour(task.id)].push_back(task.id);
+  for (const SeedTask& task : tasks) {
+    work[colour(task.id)].push_back(task.id);
+    table_[task.id].offered = kAllFaces;
+  }
   std::vector<uint8_t> wake;
   for (int turn = 0; !work[0].empty() || !work[1].empty(); turn ^= 1) {
     const std::vector<int32_t> blocks = std::move(work[turn]);
@@ -272,12 +275,14 @@ void FieldUpdater::Propagate(const std::vector<SeedTask>& tasks) {
         const int32_t other = table_[blocks[i]].neighbour[f];
         if (other != kNoBlock) neighbours[f] = table_[other].data.get();
       }
-      wake[i] = SweepBlock(neighbours, squared_limit_, &block).wake;
+      wake[i] = SweepBlock(neighbours, squared_limit_, &block, table_[blocks[i]].offered).wake;
     });
     for (size_t i = 0; i < blocks.size(); ++i) {
+      table_[blocks[i]].offered = 0;
       for (int f = 0; f < kFaces; ++f) {
         if (!(wake[i] >> f & 1)) continue;
         const int32_t other = table_.Neighbour(blocks[i], f);
+        table_[other].offered |= 1 << (f ^ 1);
         if (table_[other].queued) continue;
         table_[other].queued = true;
         work[turn ^ 1].push_back(other);
@@ -290,11 +295,14 @@ void FieldUpdater::FinishBlock(int32_t id) {
   BlockRecord& record = table_[id];
   if (!record.data) return;
   FieldBlock& block = *record.data;
-  int all_known = 1;
-  for (const FieldVoxel& v : block.voxels) all_known &= (v.attributes & kStateBits) != 0;
-  if (all_known) return;
-  for (FieldVoxel& v : block.voxels) {
-    if (v.state() != VoxelState::kUnknown) continue;
+  std::array<uint16_t, kBlockVoxels> unknown;
+  int count = 0;
+  for (int o = 0; o < kBlockVoxels; ++o) {
+    unknown[count] = static_cast<uint16_t>(o);
+    count += (block.voxels[o].attributes & kStateBits) == 0;
+  }
+  for (int i = 0; i < count; ++i) {
+    FieldVoxel& v = block.voxels[unknown[i]];
     v.attributes &= ~kNegativeBit;
     const int32_t squared = SquaredUnits(v);
     if (squared > squared_inside_) continue;  // or no site at all

@@ -30,6 +30,10 @@ inline constexpr double kUnseenInsideDepth_m = 1.0;
 // to max_distance_m through free and unknown space. One updater follows one map from its first
 // frame. The work depends on what changed and on how far it reaches, not on the size of the map.
 // The bytes depend on the sequence of updates alone, not on the number of threads.
+// Essential state, between two updates: the records of the block table in the order of their ids
+// (index, voxels or tile, site block, shadow, references) and the site table (index, mask, sites,
+// referrers). Everything else follows from it or is scratch: ids and neighbour links, the pool, the
+// returned field, the update counter and the marks that are compared with it.
 // Not thread-safe; the fields it returns are immutable and may be read from any thread.
 class FieldUpdater {
  public:

@@ -99,11 +99,17 @@ ReferencedBlockList ReferencedBlocks(const BlockIndex& index, const FieldBlock& 
   SiteKeys(block, keys);
   absl::InlinedVector<int32_t, 16> found;
   int32_t last = kNoKey;
-  for (int32_t key : keys) {
-    if (key == last) continue;
-    last = key;
-    if (key == kNoKey || std::find(found.begin(), found.end(), key) != found.end()) continue;
-    found.push_back(key);
+  for (int row = 0; row < kBlockVoxels; row += kBlockSide) {
+    int32_t differs = 0;  // most rows name one block, the same as the row before
+    for (int z = 0; z < kBlockSide; ++z) differs |= keys[row + z] ^ last;
+    if (differs == 0) continue;
+    for (int z = 0; z < kBlockSide; ++z) {
+      const int32_t key = keys[row + z];
+      if (key == last) continue;
+      last = key;
+      if (key == kNoKey || std::find(found.begin(), found.end(), key) != found.end()) continue;
+      found.push_back(key);
+    }
   }
   ReferencedBlockList blocks;
   for (int32_t key : found) blocks.push_back(BlockOfKey(index, key));

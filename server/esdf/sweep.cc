@@ -212,6 +212,15 @@ void ReadLayer(const void* block, int face, uint64_t out[64]) {
   }
 }
 
+// Whether the sites of a layer are not those that the block still holds there.
+bool LayerDiffers(const uint64_t now[64], const void* block, int face) {
+  alignas(64) uint64_t before[64];
+  ReadLayer(block, face, before);
+  uint64_t differs = 0;
+  for (int i = 0; i < 64; ++i) differs |= (now[i] ^ before[i]) & kSiteLane;
+  return differs != 0;
+}
+
 }  // namespace
 
 int32_t SquaredLimit(double max_distance_m, double voxel_size_m) {
@@ -220,7 +229,7 @@ int32_t SquaredLimit(double max_distance_m, double voxel_size_m) {
 }
 
 SweepResult SweepBlock(const std::array<const FieldBlock*, kFaces>& neighbours,
-                       int32_t squared_limit, FieldBlock* block) {
+                       int32_t squared_limit, FieldBlock* block, uint8_t faces) {
   Lines lines;
   static_assert(sizeof(lines.v) == sizeof(block->voxels));
   FieldVoxel* own = block->voxels.data();
@@ -233,7 +242,7 @@ SweepResult SweepBlock(const std::array<const FieldBlock*, kFaces>& neighbours,
   alignas(64) uint64_t layer[kFaces][64];
   Quad any = Zero();
   for (int f = 0; f < kFaces; ++f) {
-    if (!neighbours[f]) continue;
+    if (!neighbours[f] || !(faces >> f & 1)) continue;
     ReadLayer(neighbours[f]->voxels.data(), f ^ 1, layer[f]);
     const int axis = f >> 1;
     const uint64_t shift = Shift(axis, f & 1 ? -1 : 1);
@@ -287,6 +296,10 @@ SweepResult SweepBlock(const std::array<const FieldBlock*, kFaces>& neighbours,
   alignas(64) uint64_t mine[64];
   for (int f = 0; f < kFaces; ++f) {
     ReadLayer(lines.v, f, mine);
+    if (!(faces >> f & 1)) {
+      if (!changed || !LayerDiffers(mine, own, f)) continue;
+      if (neighbours[f]) ReadLayer(neighbours[f]->voxels.data(), f ^ 1, layer[f]);
+    }
     const uint64_t shift = Shift(f >> 1, f & 1 ? 1 : -1);
     Quad wakes = Zero();
     for (int i = 0; i < 64; i += kLanes) {

@@ -30,7 +30,11 @@ struct SweepResult {
 // facing layers of its neighbours (null: absent). A voxel takes a site that is strictly nearer and
 // not beyond `squared_limit`; the attributes of the site come along, those of the voxel stay. The
 // bytes depend on nothing but the arguments. `block` is written only when changed.
+// `faces`: the neighbours that may have something to offer; the others had nothing when both were
+// last compared and have not changed since. Of those, a neighbour is compared again only where the
+// layer that faces it changed, which finds the same and spares reading them.
+inline constexpr uint8_t kAllFaces = (1 << kFaces) - 1;
 SweepResult SweepBlock(const std::array<const FieldBlock*, kFaces>& neighbours,
-                       int32_t squared_limit, FieldBlock* block);
+                       int32_t squared_limit, FieldBlock* block, uint8_t faces = kAllFaces);
 
 }  // namespace clearance

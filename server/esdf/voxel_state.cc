@@ -1,7 +1,6 @@
 #include "server/esdf/voxel_state.h"
 
 #include <cmath>
-#include <cstring>
 
 namespace clearance {
 namespace {
@@ -21,38 +20,62 @@ float ReachVoxels(const float* mean, const float* weight, int h, float voxel_siz
   return slope > 0 ? 0.5f * g.lpNorm<1>() / slope : 0.5f;
 }
 
-// 1 where a voxel and its 26 neighbours were observed; valid for offsets inside 0..7.
-void ErodeObserved(const float* weight, const int32_t* evidence, uint8_t out[kHaloVoxels]) {
-  constexpr int kStride[3] = {1, kHaloSide, kHaloSide * kHaloSide};
-  uint8_t a[kHaloVoxels], b[kHaloVoxels];
-  for (int i = 0; i < kHaloVoxels; ++i) {
-    a[i] = static_cast<uint8_t>((evidence[i] != 0) | (weight[i] > 0.f));
-  }
-  const auto erode = [](const uint8_t* from, uint8_t* to, int step) {
-    for (int i = step; i < kHaloVoxels - step; ++i) {
-      to[i] = from[i - step] & from[i] & from[i + step];
-    }
-  };
-  std::memset(b, 0, sizeof(b));
-  std::memset(out, 0, kHaloVoxels);
-  erode(a, b, kStride[0]);
-  erode(b, a, kStride[1]);
-  erode(a, out, kStride[2]);
+// First and last column of an 8 x 8 layer (bits y * 8 + z).
+constexpr uint64_t kFirstZ = 0x0101010101010101, kLastZ = 0x8080808080808080;
+
+// Bits of a layer whose neighbours along z are set, too; `before` and `after` are the same layer of
+// the blocks at either side.
+uint64_t ErodeZ(uint64_t before, uint64_t own, uint64_t after) {
+  const uint64_t below = ((own << 1) & ~kFirstZ) | ((before >> 7) & kFirstZ);
+  const uint64_t above = ((own >> 1) & ~kLastZ) | ((after << 7) & kLastZ);
+  return below & own & above;
+}
+
+uint64_t ErodeY(uint64_t before, uint64_t own, uint64_t after) {
+  return (own << 8 | before >> 56) & own & (own >> 8 | after << 56);
 }
 
 }  // namespace
 
-void ClassifyByEvidence(const float weight[kHaloVoxels], const int32_t evidence[kHaloVoxels],
+BlockMask Surrounded(const std::array<BlockMask, 27>& observed) {
+  uint64_t layers[10];  // eroded along z and y; x from -1 to 8
+  for (int x = -1; x <= 8; ++x) {
+    const int bx = x < 0 ? 0 : (x < 8 ? 1 : 2);
+    uint64_t rows[3];
+    for (int by = 0; by < 3; ++by) {
+      const BlockMask* run = &observed[bx * 9 + by * 3];
+      rows[by] = ErodeZ(run[0][x & 7], run[1][x & 7], run[2][x & 7]);
+    }
+    layers[x + 1] = ErodeY(rows[0], rows[1], rows[2]);
+  }
+  BlockMask surrounded;
+  for (int x = 0; x < 8; ++x) surrounded[x] = layers[x] & layers[x + 1] & layers[x + 2];
+  return surrounded;
+}
+
+BlockMask Surrounded(const float weight[kHaloVoxels], const int32_t evidence[kHaloVoxels]) {
+  BlockMask surrounded{};
+  for (int o = 0; o < kBlockVoxels; ++o) {
+    const int x = o >> 6, y = (o >> 3) & 7, z = o & 7;
+    bool all = true;
+    for (int n = 0; n < 27 && all; ++n) {
+      const int h = HaloOffset(x + n / 9 - 1, y + n / 3 % 3 - 1, z + n % 3 - 1);
+      all = evidence[h] != 0 || weight[h] > 0;
+    }
+    if (all) Set(surrounded, o);
+  }
+  return surrounded;
+}
+
+void ClassifyByEvidence(const int32_t evidence[kBlockVoxels], const BlockMask& surrounded,
                         uint8_t states[kBlockVoxels]) {
   constexpr FreeRules kRules;
-  uint8_t observed[kHaloVoxels];
-  ErodeObserved(weight, evidence, observed);
   for (int row = 0; row < 64; ++row) {
-    const int h = HaloOffset(row >> 3, row & 7, 0);
+    const uint32_t inner = static_cast<uint32_t>(surrounded[row >> 3] >> (row & 7) * 8) & 255;
     for (int z = 0; z < 8; ++z) {
-      const uint32_t e = static_cast<uint32_t>(evidence[h + z]);
+      const uint32_t e = static_cast<uint32_t>(evidence[row * 8 + z]);
       const bool free = ((e >> 8) & 255) >= kRules.min_probable_frames;
-      const bool sure = (e & 255) >= kRules.min_confident_frames && observed[h + z];
+      const bool sure = (e & 255) >= kRules.min_confident_frames && (inner >> z & 1) != 0;
       states[row * 8 + z] = free ? (sure ? kFreeHigh : kFreeLow) : 0;
     }
   }
@@ -61,7 +84,15 @@ void ClassifyByEvidence(const float weight[kHaloVoxels], const int32_t evidence[
 void ClassifyVoxels(const float mean[kHaloVoxels], const float weight[kHaloVoxels],
                     const int32_t evidence[kHaloVoxels], const BlockSites& sites,
                     float voxel_size_m, float min_weight, uint8_t states[kBlockVoxels]) {
-  ClassifyByEvidence(weight, evidence, states);
+  int32_t own[kBlockVoxels];
+  for (int o = 0; o < kBlockVoxels; ++o) own[o] = evidence[HaloOffset(o >> 6, (o >> 3) & 7, o & 7)];
+  ClassifyByEvidence(own, Surrounded(weight, evidence), states);
+  ClassifyBand(mean, weight, sites, voxel_size_m, min_weight, states);
+}
+
+void ClassifyBand(const float mean[kHaloVoxels], const float weight[kHaloVoxels],
+                  const BlockSites& sites, float voxel_size_m, float min_weight,
+                  uint8_t states[kBlockVoxels]) {
   for (int o = 0; o < kBlockVoxels; ++o) {
     const int h = HaloOffset(o >> 6, (o >> 3) & 7, o & 7);
     if (!(weight[h] >= min_weight)) continue;

@@ -1,86 +1,114 @@
 #include "server/integration/claimed_space.h"
 
 #include <algorithm>
-#include <map>
+#include <array>
+#include <cmath>
+#include <memory>
 
 #include "absl/container/flat_hash_map.h"
-#include "absl/container/flat_hash_set.h"
+#include "server/integration/block_table.h"
+#include "server/integration/dilation.h"
 
 namespace clearance {
 namespace {
 
-struct VoxelKey {
-  int x, y, z;
-  friend bool operator==(const VoxelKey&, const VoxelKey&) = default;
-  template <typename H>
-  friend H AbslHashValue(H h, const VoxelKey& k) {
-    return H::combine(std::move(h), k.x, k.y, k.z);
+// Voxels of a block within one voxel of a static return.
+BlockMask NearReturns(const StaticReturns& returns, const BlockIndex& block) {
+  std::array<const BlockMask*, 27> around;
+  for (int k = 0; k < 27; ++k) {
+    const Eigen::Vector3i step = StepAround(k);
+    around[k] = &returns.In({block.x + step.x(), block.y + step.y(), block.z + step.z()});
   }
-};
-
-template <typename Fn>
-void ForEachVoxel(const LocalVoxels& voxels, const Fn& fn) {
-  for (const auto& b : voxels.blocks) {
-    for (uint32_t i = b.begin; i < b.end; ++i) fn(b.block, i);
-  }
+  return Dilated(around);
 }
 
-bool HasVoxel(const LocalVoxels& voxels, const VoxelIndex& v) {
-  const BlockIndex block = BlockOf(v);
-  const auto b = std::lower_bound(
-      voxels.blocks.begin(), voxels.blocks.end(), block,
-      [](const LocalVoxels::Block& lhs, const BlockIndex& rhs) { return lhs.block < rhs; });
-  if (b == voxels.blocks.end() || b->block != block) return false;
-  return std::binary_search(voxels.offset.begin() + b->begin, voxels.offset.begin() + b->end,
-                            static_cast<uint16_t>(OffsetOf(v)));
-}
+// The static map around one block of an object's voxels: surface that no return of this frame
+// keeps.
+class Surroundings {
+ public:
+  Surroundings(const StaticReturns& returns, const SurfaceMap& map)
+      : returns_(returns), map_(map) {}
 
-bool NearStaticPoints(const LocalVoxels& static_W, const VoxelIndex& v) {
-  for (int dx = -1; dx <= 1; ++dx) {
-    for (int dy = -1; dy <= 1; ++dy) {
-      for (int dz = -1; dz <= 1; ++dz) {
-        if (HasVoxel(static_W, v + VoxelIndex(dx, dy, dz))) return true;
-      }
+  struct Block {
+    BlockIndex index;
+    const float* mean = nullptr;
+    BlockMask loose{};  // voxels that hold surface, away from any return
+    BlockMask near{};   // voxels near a return
+    BlockMask released{};
+  };
+  Block& At(const BlockIndex& index) {
+    const auto [it, fresh] = blocks_.try_emplace(index);
+    if (!fresh) return *it->second;
+    it->second = std::make_unique<Block>();
+    Block& block = *it->second;
+    block.index = index;
+    block.near = NearReturns(returns_, index);
+    const float* weight = map_.WeightBlock(index);
+    block.mean = map_.MeanBlock(index);
+    if (!weight || !block.mean) return block;
+    for (int o = 0; o < kBlockVoxels; ++o) {
+      block.loose[o >> 6] |= static_cast<uint64_t>(weight[o] != 0) << (o & 63);
     }
+    for (size_t w = 0; w < block.loose.size(); ++w) block.loose[w] &= ~block.near[w];
+    return block;
   }
-  return false;
-}
+  std::vector<ReleasedBlock> Released() const {
+    std::vector<ReleasedBlock> out;
+    for (const auto& [index, block] : blocks_) {
+      if (block->released != BlockMask{}) out.push_back({index, block->released});
+    }
+    std::sort(out.begin(), out.end(),
+              [](const ReleasedBlock& a, const ReleasedBlock& b) { return a.block < b.block; });
+    return out;
+  }
+
+ private:
+  const StaticReturns& returns_;
+  const SurfaceMap& map_;
+  absl::flat_hash_map<BlockIndex, std::unique_ptr<Block>> blocks_;
+};
 
 }  // namespace
 
-std::vector<ReleasedBlock> ReleaseClaimed(const LocalVoxels& object_W, const LocalVoxels& static_W,
+std::vector<ReleasedBlock> ReleaseClaimed(const LocalVoxels& object_W, const StaticReturns& returns,
                                           const SurfaceMap& static_map) {
   constexpr int kReach = 2;  // the band on both sides of a bogus surface
   const double h = static_map.voxel_size_m();
-  std::map<BlockIndex, BlockMask> released;
-  absl::flat_hash_set<VoxelKey> tried;
-  ForEachVoxel(object_W, [&](const BlockIndex& block, uint32_t i) {
-    const VoxelIndex own = VoxelAt(block, object_W.offset[i]);
-    if (NearStaticPoints(static_W, own)) return;
-    for (int dx = -kReach; dx <= kReach; ++dx) {
-      for (int dy = -kReach; dy <= kReach; ++dy) {
-        for (int dz = -kReach; dz <= kReach; ++dz) {
-          const VoxelIndex v = own + VoxelIndex(dx, dy, dz);
-          const BlockIndex b = BlockOf(v);
-          const float* weight = static_map.WeightBlock(b);
-          const int o = OffsetOf(v);
-          if (!weight || weight[o] == 0) continue;
-          // The stored surface passes within a voxel of the point when the voxel's distance to it
-          // differs from its distance to the point by no more.
-          const double to_point =
-              (VoxelCentre(v, h) - BlockOrigin(block, h) - object_W.centroid[i].cast<double>())
-                  .norm();
-          const double to_surface = std::abs(static_map.MeanBlock(b)[o]);
-          if (std::abs(to_point - to_surface) > h) continue;
-          if (!tried.insert({v.x(), v.y(), v.z()}).second) continue;
-          if (!NearStaticPoints(static_W, v)) Set(released[b], o);
+  Surroundings surroundings(returns, static_map);
+  for (const LocalVoxels::Block& b : object_W.blocks) {
+    std::array<Surroundings::Block*, 27> around;
+    bool any = false;
+    for (int k = 0; k < 27; ++k) {
+      const Eigen::Vector3i step = StepAround(k);
+      around[k] =
+          &surroundings.At({b.block.x + step.x(), b.block.y + step.y(), b.block.z + step.z()});
+      any |= around[k]->loose != BlockMask{};
+    }
+    if (!any) continue;
+    const BlockMask& near = around[13]->near;
+    for (uint32_t i = b.begin; i < b.end; ++i) {
+      if (Test(near, object_W.offset[i])) continue;
+      const VoxelIndex own = VoxelAt({0, 0, 0}, object_W.offset[i]);
+      const Eigen::Vector3d point = object_W.centroid[i].cast<double>();
+      for (int dx = -kReach; dx <= kReach; ++dx) {
+        for (int dy = -kReach; dy <= kReach; ++dy) {
+          for (int dz = -kReach; dz <= kReach; ++dz) {
+            const VoxelIndex v = own + VoxelIndex(dx, dy, dz);
+            Surroundings::Block& block =
+                *around[((v.x() >> 3) + 1) * 9 + ((v.y() >> 3) + 1) * 3 + (v.z() >> 3) + 1];
+            const int o = OffsetOf(v);
+            if (!Test(block.loose, o)) continue;
+            // The stored surface passes within a voxel of the point when the voxel's distance to it
+            // differs from its distance to the point by no more.
+            const double to_point = (VoxelCentre(v, h) - point).norm();
+            const double to_surface = std::abs(block.mean[o]);
+            if (std::abs(to_point - to_surface) <= h) Set(block.released, o);
+          }
         }
       }
     }
-  });
-  std::vector<ReleasedBlock> out;
-  for (const auto& [block, voxels] : released) out.push_back({block, voxels});
-  return out;
+  }
+  return surroundings.Released();
 }
 
 }  // namespace clearance

@@ -83,6 +83,13 @@ IntegratorOptions IntegratorOptions::For(const MapConfig& config) {
 
 absl::StatusOr<MapUpdate> FrameIntegrator::Integrate(const Frame& frame,
                                                      const WorldMap& map) const {
+  StageTimes times;
+  StageLaps laps(&times);
+  return Integrate(frame, map, laps);
+}
+
+absl::StatusOr<MapUpdate> FrameIntegrator::Integrate(const Frame& frame, const WorldMap& map,
+                                                     StageLaps& laps) const {
   if (absl::Status s = ValidateFrame(frame); !s.ok()) return s;
   const MapConfig& config = map.config();
   const double max_range_m =
@@ -98,13 +105,16 @@ absl::StatusOr<MapUpdate> FrameIntegrator::Integrate(const Frame& frame,
   std::vector<ObjectTask> tasks =
       FollowObjects(frame, split.points_X, std::move(split.object_points),
                     options_.min_object_points, map, update.violations);
-  if (split.points_X.cols() > 0) {
+  laps.Lap("split");
+  if (!split.empty()) {
     const RangeImage image = MakeRangeImage(frame, max_range_m, config.voxel_size_m);
     const LocalVoxels static_voxels = GatherVoxels(
         split.points_X, WithoutLabelRims(image, split.points_X, std::move(split.static_points)),
         frame.T_W_X, config.voxel_size_m);
+    laps.Lap("voxelise");
     update.static_surface.band = ObserveBand(static_voxels, image, frame.T_W_X, kStaticWorld,
                                              map.static_map(), options_.band);
+    laps.Lap("band");
     // Free voxels of every cloud go to R^0, never an object's distances.
     FreeSpaceOptions free_space = options_.free_space;
     free_space.max_range_m = max_range_m;
@@ -114,14 +124,17 @@ absl::StatusOr<MapUpdate> FrameIntegrator::Integrate(const Frame& frame,
       ClipToBounds(update.static_surface.band, *config.bounds, config.voxel_size_m);
       ClipToBounds(update.static_surface.free, *config.bounds, config.voxel_size_m);
     }
+    laps.Lap("free_space");
 
     // Each object in its own frame: points to L first, voxels and band there, surface to R^j.
+    int seen = 0;
+    const StaticReturns returns(static_voxels);
     for (ObjectTask& task : tasks) {
       if (task.points.empty()) continue;
+      ++seen;
       const LocalVoxels claimed =
           GatherVoxels(split.points_X, task.points, frame.T_W_X, config.voxel_size_m);
-      Append(update.static_surface.released,
-             ReleaseClaimed(claimed, static_voxels, map.static_map()));
+      Append(update.static_surface.released, ReleaseClaimed(claimed, returns, map.static_map()));
       if (!task.integrate) continue;
       const Pose T_L_X = task.update.T_W_L.inverse() * frame.T_W_X;
       const LocalVoxels voxels =
@@ -133,6 +146,8 @@ absl::StatusOr<MapUpdate> FrameIntegrator::Integrate(const Frame& frame,
           ObserveBand(voxels, image, T_L_X, task.update.id,
                       fresh ? nothing : known->second.surface(), options_.band);
     }
+    const double objects_ms = laps.Lap("objects");
+    if (seen > 0) laps.Append("per_object", objects_ms / seen);
   }
   for (ObjectTask& task : tasks) update.objects.push_back(std::move(task.update));
   return update;

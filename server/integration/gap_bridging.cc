@@ -17,6 +17,8 @@ constexpr double kNoiseFactor = 8.0;
 // Of the gap's width against what the line predicts.
 constexpr float kSpacingTolerance = 0.5f;
 
+constexpr int kAtOnce = 64;  // pixels
+
 using Points = std::vector<Eigen::Vector3f>;
 
 // Decides about one gap and fills it.
@@ -80,7 +82,8 @@ class Bridger {
 };
 
 // Depth images: pixel (u, v) against its left and its upper neighbour.
-void BridgeRow(const RangeImage& image, const Bridger& bridger, int v, Points& out) {
+void BridgeRow(const RangeImage& image, const Bridger& bridger, const RangeImage::PixelBox& box,
+               int v, Points& out) {
   const auto bridge = [&](int u, int du, int dv) {
     if (!bridger.Usable(u, v) || !bridger.Usable(u - du, v - dv)) return;
     Eigen::Vector3f before, behind;
@@ -92,12 +95,26 @@ void BridgeRow(const RangeImage& image, const Bridger& bridger, int v, Points& o
                    has_behind ? &behind : nullptr, out);
   };
   const float pixel_rad = static_cast<float>(image.pixel_rad());
-  for (int u = 0; u < image.width(); ++u) {
-    // A gap needs a jump in depth, or pixels as wide as itself.
-    const float m = image.measure(u, v);
-    const float jump_m = 0.7f * bridger.narrowest_m() - 2.f * m * pixel_rad;
-    if (u > 0 && std::abs(m - image.measure(u - 1, v)) > jump_m) bridge(u, 1, 0);
-    if (v > 0 && std::abs(m - image.measure(u, v - 1)) > jump_m) bridge(u, 0, 1);
+  // A gap needs a jump in depth, or pixels as wide as itself.
+  const float* row = image.measures().data() + static_cast<size_t>(v) * image.width();
+  const float* above = v > 0 ? row - image.width() : row;
+  const float narrowest_m = 0.7f * bridger.narrowest_m();
+  const float farthest_m = static_cast<float>(image.max_range_m());
+  std::array<uint8_t, kAtOnce> gaps;
+  for (int first = box.u0; first <= box.u1; first += kAtOnce) {
+    const int count = std::min(kAtOnce, box.u1 + 1 - first);
+    for (int k = 0; k < count; ++k) {  // without branches, for the vectoriser
+      const int u = first + k;
+      const float m = row[u], left = row[u > 0 ? u - 1 : 0];
+      const float jump_m = narrowest_m - 2.f * m * pixel_rad;
+      const bool usable = (m > 0.f) & (m <= farthest_m);
+      gaps[k] = static_cast<uint8_t>((usable & (std::abs(m - left) > jump_m)) |
+                                     ((usable & (std::abs(m - above[u]) > jump_m)) << 1));
+    }
+    for (int k = 0; k < count; ++k) {
+      if (gaps[k] & 1) bridge(first + k, 1, 0);
+      if (gaps[k] & 2) bridge(first + k, 0, 1);
+    }
   }
 }
 
@@ -134,14 +151,18 @@ void BridgeLine(const RangeImage& image, const Bridger& bridger, const Line& lin
 Eigen::Matrix3Xf BridgeGaps(const RangeImage& image, ObjectId id, double voxel_size_m,
                             const BridgeOptions& options) {
   const Bridger bridger(image, id, voxel_size_m, options);
+  const RangeImage::PixelBox box = image.BoxOf(id.value());
+  const int width = box.u1 + 1 - box.u0, height = box.v1 + 1 - box.v0;
+  if (width <= 0 || height <= 0) return {};
   std::vector<Points> parts;
   if (image.is_pinhole()) {
-    parts.resize(image.height());
-    tbb::parallel_for(0, image.height(), [&](int v) { BridgeRow(image, bridger, v, parts[v]); });
+    parts.resize(height);
+    tbb::parallel_for(0, height,
+                      [&](int k) { BridgeRow(image, bridger, box, box.v0 + k, parts[k]); });
   } else {
     std::vector<Line> lines;
-    for (int v = 0; v < image.height(); ++v) lines.push_back({0, v, 1, 0, image.width()});
-    for (int u = 0; u < image.width(); ++u) lines.push_back({u, 0, 0, 1, image.height()});
+    for (int v = box.v0; v <= box.v1; ++v) lines.push_back({box.u0, v, 1, 0, width});
+    for (int u = box.u0; u <= box.u1; ++u) lines.push_back({u, box.v0, 0, 1, height});
     parts.resize(lines.size());
     tbb::parallel_for(size_t{0}, lines.size(),
                       [&](size_t i) { BridgeLine(image, bridger, lines[i], parts[i]); });

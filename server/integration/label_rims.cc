@@ -22,8 +22,9 @@ bool OnOutline(const RangeImage& image, int u, int v) {
 // One byte a pixel: static, and in the rim of an object. Empty where no object is seen.
 std::vector<uint8_t> RimPixels(const RangeImage& image, int reach, float reach_m) {
   std::vector<uint8_t> rim;
-  for (int v = 0; v < image.height(); ++v) {
-    for (int u = 0; u < image.width(); ++u) {
+  const RangeImage::PixelBox objects = image.BoxOfObjects();
+  for (int v = objects.v0; v <= objects.v1; ++v) {
+    for (int u = objects.u0; u <= objects.u1; ++u) {
       if (image.label(u, v) == 0 || !(image.measure(u, v) > 0.f)) continue;
       if (!OnOutline(image, u, v)) continue;
       if (rim.empty()) rim.resize(image.measures().size());
@@ -33,9 +34,9 @@ std::vector<uint8_t> RimPixels(const RangeImage& image, int reach, float reach_m
           int nu = u + du;
           if (image.wraps()) nu = (nu + image.width()) % image.width();
           if (nu < 0 || nu >= image.width() || image.label(nu, nv) != 0) continue;
-          if (!(image.measure(nu, nv) > 0.f)) continue;
-          if ((image.Point(nu, nv) - p_X).squaredNorm() > reach_m * reach_m) continue;
-          rim[static_cast<size_t>(nv) * image.width() + nu] = 1;
+          uint8_t& in_rim = rim[static_cast<size_t>(nv) * image.width() + nu];
+          if (in_rim || !(image.measure(nu, nv) > 0.f)) continue;
+          in_rim = (image.Point(nu, nv) - p_X).squaredNorm() <= reach_m * reach_m;
         }
       }
     }
@@ -54,6 +55,10 @@ std::vector<uint32_t> WithoutLabelRims(const RangeImage& image, const Eigen::Mat
                         : static_cast<int>(std::ceil(options.rim_rad / image.pixel_rad()));
   const std::vector<uint8_t> rim = RimPixels(image, reach, static_cast<float>(options.reach_m));
   if (rim.empty()) return static_points;
+  if (image.is_pinhole()) {  // columns are pixels
+    std::erase_if(static_points, [&](uint32_t i) { return rim[i] != 0; });
+    return static_points;
+  }
   constexpr uint32_t kDropped = UINT32_MAX;
   tbb::parallel_for(tbb::blocked_range<size_t>(0, static_points.size(), 1 << 14),
                     [&](const tbb::blocked_range<size_t>& range) {

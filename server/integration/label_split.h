@@ -13,9 +13,13 @@
 namespace clearance {
 
 struct LabelSplit {
-  Eigen::Matrix3Xf points_X;            // every return within range
-  std::vector<uint32_t> static_points;  // columns of points_X
-  LabelledPoints object_points;
+  // Of a depth image a column is a pixel, row by row; of a cloud, a return within range. Columns
+  // that no list names are unspecified.
+  Eigen::Matrix3Xf points_X;
+  std::vector<uint32_t> static_points;  // columns of points_X, rising
+  LabelledPoints object_points;         // likewise
+
+  bool empty() const { return static_points.empty() && object_points.empty(); }
 };
 
 // Returns nearer than max_range_m (Euclidean for clouds, along z for depth images) and, where

@@ -3,6 +3,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 
@@ -11,6 +12,7 @@ namespace {
 
 // Chunks are of fixed size, so that sums are formed in the same order for any number of threads.
 constexpr size_t kChunk = 16384;
+constexpr size_t kBlocksAtOnce = 256;
 
 // Consecutive points in one voxel: neighbouring pixels mostly are.
 struct Run {
@@ -89,67 +91,154 @@ std::vector<Run> FindRuns(const Eigen::Matrix3Xf& points_X, const std::vector<ui
   return runs;
 }
 
-// Order of the runs by key, equal keys in the order they came: a stable radix sort on the bits in
-// which keys differ.
-std::vector<uint32_t> SortedOrder(const std::vector<Run>& runs) {
-  constexpr int kDigitBits = 11;
-  constexpr size_t kBuckets = size_t{1} << kDigitBits;
-  struct Item {
-    uint64_t key;
-    uint32_t run;
-  };
-  std::vector<Item> items(runs.size()), other(runs.size());
-  uint64_t all = ~uint64_t{0}, any = 0;
-  for (size_t i = 0; i < runs.size(); ++i) {
-    items[i] = {runs[i].key, static_cast<uint32_t>(i)};
-    all &= runs[i].key;
-    any |= runs[i].key;
+constexpr uint64_t BlockKey(uint64_t key) { return key >> 9; }
+
+// Runs by block, in the order they came within a block.
+struct RunsByBlock {
+  std::vector<uint32_t> order;  // of runs
+  std::vector<uint32_t> begin;  // into `order`, one more than there are blocks; blocks rising
+};
+
+// Blocks of a frame lie in a box of a few hundred thousand: one counting pass sorts them.
+class BlockBox {
+ public:
+  static constexpr uint64_t kLargest = uint64_t{1} << 21;
+
+  explicit BlockBox(const std::vector<Run>& runs) {
+    std::array<uint32_t, 3> high{};
+    low_.fill(~0u);
+    for (const Run& run : runs) {
+      for (int axis = 0; axis < 3; ++axis) {
+        const uint32_t at = Coordinate(run.key, axis);
+        low_[axis] = std::min(low_[axis], at);
+        high[axis] = std::max(high[axis], at);
+      }
+    }
+    for (int axis = 0; axis < 3; ++axis) side_[axis] = high[axis] - low_[axis] + 1;
   }
-  const uint64_t differing = any & ~all;
-  for (int shift = 0; shift < 64; shift += kDigitBits) {
-    if (((differing >> shift) & (kBuckets - 1)) == 0) continue;
-    std::vector<uint32_t> position(kBuckets + 1, 0);
-    for (const Item& item : items) ++position[((item.key >> shift) & (kBuckets - 1)) + 1];
-    for (size_t b = 0; b < kBuckets; ++b) position[b + 1] += position[b];
-    for (const Item& item : items) other[position[(item.key >> shift) & (kBuckets - 1)]++] = item;
-    std::swap(items, other);
+  uint64_t size() const { return side_[0] * side_[1] * side_[2]; }
+  size_t At(uint64_t key) const {
+    return ((Coordinate(key, 0) - low_[0]) * side_[1] + Coordinate(key, 1) - low_[1]) * side_[2] +
+           Coordinate(key, 2) - low_[2];
   }
-  std::vector<uint32_t> order(runs.size());
-  for (size_t i = 0; i < order.size(); ++i) order[i] = items[i].run;
-  return order;
+
+ private:
+  static uint32_t Coordinate(uint64_t key, int axis) {
+    return static_cast<uint32_t>(key >> (43 - 17 * axis)) & ((1 << 17) - 1);
+  }
+  std::array<uint32_t, 3> low_;
+  std::array<uint64_t, 3> side_{};
+};
+
+RunsByBlock GroupByBlock(const std::vector<Run>& runs) {
+  RunsByBlock out;
+  out.order.resize(runs.size());
+  out.begin.push_back(0);
+  if (runs.empty()) return out;
+  if (const BlockBox box(runs); box.size() <= BlockBox::kLargest) {
+    std::vector<uint32_t> position(box.size(), 0);
+    for (const Run& run : runs) ++position[box.At(run.key)];
+    uint32_t sum = 0;
+    for (uint32_t& p : position) {
+      const uint32_t count = p;
+      p = sum;
+      sum += count;
+      if (count > 0) out.begin.push_back(sum);
+    }
+    for (size_t i = 0; i < runs.size(); ++i) {
+      out.order[position[box.At(runs[i].key)]++] = static_cast<uint32_t>(i);
+    }
+    return out;
+  }
+  for (size_t i = 0; i < runs.size(); ++i) out.order[i] = static_cast<uint32_t>(i);
+  std::stable_sort(out.order.begin(), out.order.end(), [&](uint32_t a, uint32_t b) {
+    return BlockKey(runs[a].key) < BlockKey(runs[b].key);
+  });
+  for (size_t i = 1; i <= out.order.size(); ++i) {
+    if (i == out.order.size() ||
+        BlockKey(runs[out.order[i]].key) != BlockKey(runs[out.order[i - 1]].key)) {
+      out.begin.push_back(static_cast<uint32_t>(i));
+    }
+  }
+  return out;
+}
+
+// The voxels of one block, from its runs.
+class BlockGatherer {
+ public:
+  void Gather(const std::vector<Run>& runs, const uint32_t* begin, const uint32_t* end) {
+    used_ = {};
+    for (const uint32_t* i = begin; i != end; ++i) {
+      const Run& run = runs[*i];
+      const uint16_t offset = OffsetOfKey(run.key);
+      if (!Test(used_, offset)) {
+        Set(used_, offset);
+        sum_[offset].setZero();
+        count_[offset] = 0;
+      }
+      sum_[offset] += run.sum;
+      count_[offset] += run.count;
+    }
+  }
+  void Append(const BlockIndex& block, LocalVoxels& out) const {
+    const float h = static_cast<float>(out.voxel_size_m);
+    const uint32_t begin = static_cast<uint32_t>(out.offset.size());
+    for (int word = 0; word < 8; ++word) {
+      for (uint64_t bits = used_[word]; bits; bits &= bits - 1) {
+        const int offset = word * 64 + __builtin_ctzll(bits);
+        const VoxelIndex in_block = VoxelAt({0, 0, 0}, offset);
+        // Rounding may put a mean a hair beyond its voxel; indices made from it must stay the same.
+        const Eigen::Vector3f mean =
+            (sum_[offset] / static_cast<float>(count_[offset])).cwiseMax(0.f).cwiseMin(h);
+        out.offset.push_back(static_cast<uint16_t>(offset));
+        out.centroid.push_back(in_block.cast<float>() * h + mean);
+        out.count.push_back(count_[offset]);
+      }
+    }
+    out.blocks.push_back({block, begin, static_cast<uint32_t>(out.offset.size())});
+  }
+
+ private:
+  BlockMask used_{};
+  std::array<Eigen::Vector3f, kBlockVoxels> sum_;
+  std::array<uint32_t, kBlockVoxels> count_;
+};
+
+template <typename T>
+void AppendAll(std::vector<T>& all, const std::vector<T>& part) {
+  all.insert(all.end(), part.begin(), part.end());
 }
 
 }  // namespace
 
 LocalVoxels GatherVoxels(const Eigen::Matrix3Xf& points_X, const std::vector<uint32_t>& indices,
                          const Pose& T_M_X, double voxel_size_m) {
+  const LocalOrigin origin(T_M_X, voxel_size_m);
+  const std::vector<Run> runs =
+      FindRuns(points_X, indices, origin, static_cast<float>(voxel_size_m));
+  const RunsByBlock by_block = GroupByBlock(runs);
+  const size_t blocks = by_block.begin.size() - 1;
+  std::vector<LocalVoxels> parts((blocks + kBlocksAtOnce - 1) / kBlocksAtOnce);
+  tbb::parallel_for(size_t{0}, parts.size(), [&](size_t part) {
+    parts[part].voxel_size_m = voxel_size_m;
+    BlockGatherer gatherer;
+    for (size_t b = part * kBlocksAtOnce; b < std::min(blocks, (part + 1) * kBlocksAtOnce); ++b) {
+      const uint32_t* order = by_block.order.data();
+      gatherer.Gather(runs, order + by_block.begin[b], order + by_block.begin[b + 1]);
+      gatherer.Append(BlockOfKey(runs[order[by_block.begin[b]]].key, origin.block), parts[part]);
+    }
+  });
+  if (parts.size() == 1) return std::move(parts[0]);
   LocalVoxels out;
   out.voxel_size_m = voxel_size_m;
-  const float h = static_cast<float>(voxel_size_m);
-  const LocalOrigin origin(T_M_X, voxel_size_m);
-  const std::vector<Run> runs = FindRuns(points_X, indices, origin, h);
-  const std::vector<uint32_t> order = SortedOrder(runs);
-  for (size_t i = 0; i < order.size();) {
-    const uint64_t key = runs[order[i]].key;
-    Eigen::Vector3f sum = Eigen::Vector3f::Zero();
-    uint32_t count = 0;
-    for (; i < order.size() && runs[order[i]].key == key; ++i) {
-      sum += runs[order[i]].sum;
-      count += runs[order[i]].count;
+  for (const LocalVoxels& part : parts) {
+    const uint32_t first = static_cast<uint32_t>(out.offset.size());
+    for (const LocalVoxels::Block& b : part.blocks) {
+      out.blocks.push_back({b.block, first + b.begin, first + b.end});
     }
-    const BlockIndex block = BlockOfKey(key, origin.block);
-    const uint32_t voxel = static_cast<uint32_t>(out.offset.size());
-    if (out.blocks.empty() || out.blocks.back().block != block) {
-      out.blocks.push_back({block, voxel, voxel});
-    }
-    out.blocks.back().end = voxel + 1;
-    const uint16_t offset = OffsetOfKey(key);
-    const VoxelIndex in_block = VoxelAt({0, 0, 0}, offset);
-    // Rounding may put a mean a hair beyond its voxel; indices made from it must stay the same.
-    const Eigen::Vector3f mean = (sum / static_cast<float>(count)).cwiseMax(0.f).cwiseMin(h);
-    out.offset.push_back(offset);
-    out.centroid.push_back(in_block.cast<float>() * h + mean);
-    out.count.push_back(count);
+    AppendAll(out.offset, part.offset);
+    AppendAll(out.centroid, part.centroid);
+    AppendAll(out.count, part.count);
   }
   return out;
 }

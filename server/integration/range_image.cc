@@ -6,8 +6,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numbers>
+
+#include "server/integration/range_noise.h"
 
 namespace clearance {
 namespace {
@@ -132,6 +135,8 @@ RangeImage RangeImage::FromDepth(const DepthImage& depth, double max_range_m) {
                       }
                     });
   image.labels_ = depth.labels;
+  image.FindBoxes();
+  image.noise_m_ = EstimateNoise(image);
   return image;
 }
 
@@ -179,7 +184,54 @@ RangeImage RangeImage::FromCloud(const PointCloud& cloud, double pixel_rad, doub
     image.points_X_[pixel] = p_X;
     if (!cloud.labels.empty()) image.labels_[pixel] = cloud.labels[i];
   }
+  image.FindBoxes();
   return image;
+}
+
+void RangeImage::FindBoxes() {
+  if (labels_.empty()) return;
+  const auto box_of = [this](uint16_t label) {
+    for (size_t k = 0; k < boxes_.size(); ++k) {
+      if (boxes_[k].first == label) return k;
+    }
+    boxes_.push_back({label, {width_, height_, -1, -1}});
+    return boxes_.size() - 1;
+  };
+  for (int v = 0; v < height_; ++v) {
+    const uint16_t* row = labels_.data() + Index(0, v);
+    for (int u = 0; u < width_;) {
+      uint64_t four = 0;
+      if (u + 4 <= width_) std::memcpy(&four, row + u, sizeof(four));
+      if (u + 4 <= width_ && four == 0) {
+        u += 4;
+        continue;
+      }
+      const uint16_t label = row[u];
+      const int first = u;
+      while (u < width_ && row[u] == label) ++u;
+      if (label == 0) continue;
+      PixelBox& box = boxes_[box_of(label)].second;
+      box = {std::min(box.u0, first), std::min(box.v0, v), std::max(box.u1, u - 1),
+             std::max(box.v1, v)};
+    }
+  }
+}
+
+RangeImage::PixelBox RangeImage::BoxOfObjects() const {
+  PixelBox all{width_, height_, -1, -1};
+  for (const auto& [label, box] : boxes_) {
+    all = {std::min(all.u0, box.u0), std::min(all.v0, box.v0), std::max(all.u1, box.u1),
+           std::max(all.v1, box.v1)};
+  }
+  return all;
+}
+
+RangeImage::PixelBox RangeImage::BoxOf(uint16_t label) const {
+  if (label == 0) return {0, 0, width_ - 1, height_ - 1};
+  for (const auto& [known, box] : boxes_) {
+    if (known == label) return box;
+  }
+  return {};
 }
 
 std::optional<RangeImage::Projection> RangeImage::Project(const Eigen::Vector3f& p_X) const {

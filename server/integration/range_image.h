@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "server/core/frame.h"
@@ -61,6 +62,16 @@ class RangeImage {
   const std::vector<float>& measures() const { return measure_; }
 
   double max_range_m() const { return max_range_m_; }
+  // Standard deviation of the measure, see EstimateNoise; 0 for clouds.
+  double noise_m() const { return noise_m_; }
+
+  // The least box of pixels that holds every pixel of a label; for 0, the whole image.
+  struct PixelBox {
+    int u0 = 0, v0 = 0, u1 = -1, v1 = -1;  // both ends included
+    bool empty() const { return u1 < u0; }
+  };
+  PixelBox BoxOf(uint16_t label) const;
+  PixelBox BoxOfObjects() const;  // of all labels but 0
   // Angle of one pixel at the image centre, rad.
   double pixel_rad() const { return pixel_rad_; }
   // Pinhole intrinsics in pixels.
@@ -70,6 +81,7 @@ class RangeImage {
   float cy() const { return cy_; }
 
  private:
+  void FindBoxes();
   size_t Index(int u, int v) const { return static_cast<size_t>(v) * width_ + u; }
 
   bool pinhole_ = true, wraps_ = false;
@@ -77,10 +89,11 @@ class RangeImage {
   float fx_ = 1, fy_ = 1, cx_ = 0, cy_ = 0;  // pinhole
   float azimuth0_ = 0, elevation0_ = 0;      // spherical: of pixel (0, 0); both grow with u and v
   float azimuth_pixel_rad_ = 0;              // spherical: a full circle is a whole number of pixels
-  double pixel_rad_ = 0, max_range_m_ = 0;
+  double pixel_rad_ = 0, max_range_m_ = 0, noise_m_ = 0;
   std::vector<float> measure_;
   std::vector<uint16_t> labels_;
-  std::vector<Eigen::Vector3f> points_X_;  // spherical: the returns themselves
+  std::vector<std::pair<uint16_t, PixelBox>> boxes_;  // of labels other than 0
+  std::vector<Eigen::Vector3f> points_X_;             // spherical: the returns themselves
 };
 
 }  // namespace clearance

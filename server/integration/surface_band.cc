@@ -8,7 +8,6 @@
 #include "server/integration/band_value.h"
 #include "server/integration/gap_bridging.h"
 #include "server/integration/nearest_surface.h"
-#include "server/integration/range_noise.h"
 #include "server/integration/sight.h"
 #include "server/integration/surface_fields.h"
 
@@ -131,7 +130,7 @@ BandObservations ObserveBand(const LocalVoxels& voxels, const RangeImage& image,
                              ObjectId id, const SurfaceMap& existing, const BandOptions& options) {
   BandObservations out;
   if (voxels.empty()) return out;
-  const double noise_m = EstimateNoise(image);
+  const double noise_m = image.noise_m();
   const LocalVoxels surface = WithBridges(voxels, image, T_M_X, id, noise_m);
   const BandObserver observer(surface, image, T_M_X, id, existing, noise_m, options);
   const std::vector<BlockIndex> blocks = BandBlocksOf(surface, observer.reach_voxels());

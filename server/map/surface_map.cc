@@ -172,10 +172,15 @@ class BlockFuser {
   mutable int32_t* evidence_ = nullptr;
 };
 
+// Not registered with the tree, which costs more than the reads of one block: the tree stands still
+// while this lives.
+template <typename Tree>
+using ReadAccessor = openvdb::tree::ValueAccessor<const Tree, false>;
+
 // Copies a block and its halo out of a tree, leaf by leaf.
 template <typename Tree, typename Value>
 void ReadHalo(const Tree& tree, const BlockIndex& block, Value* out) {
-  openvdb::tree::ValueAccessor<const Tree> accessor(tree);
+  ReadAccessor<Tree> accessor(tree);
   for (int bx = -1; bx <= 1; ++bx) {
     const int x0 = bx < 0 ? -1 : bx * 8, x1 = bx < 0 ? 0 : (bx == 0 ? 8 : 9);
     for (int by = -1; by <= 1; ++by) {

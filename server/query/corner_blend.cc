@@ -1,5 +1,9 @@
 #include "server/query/corner_blend.h"
 
+#ifdef __AVX__
+#include <immintrin.h>
+#endif
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -52,12 +56,32 @@ struct Corners {
   Floats Signed(Floats distance) const { return (attributes & 8) != 0 ? -distance : distance; }
 };
 
-[[gnu::always_inline]] inline Corners Unpack(const FieldVoxel voxels[8], const float f[3]) {
+// The voxels' lower and upper halves: dx and dy, dz and attributes.
+struct Halves {
+  Ints low, high;
+};
+[[gnu::always_inline]] inline Halves Split(const FieldVoxel voxels[8]) {
+  Halves halves;
+#ifdef __AVX2__
+  // By pairs, as they were written: a wider read would wait for them to reach the cache.
+  const auto pair = [&](int k) {
+    return _mm_loadu_si128(reinterpret_cast<const __m128i*>(voxels + k));
+  };
+  const __m256 front = _mm256_castsi256_ps(_mm256_set_m128i(pair(4), pair(0)));
+  const __m256 back = _mm256_castsi256_ps(_mm256_set_m128i(pair(6), pair(2)));
+  halves.low = reinterpret_cast<Ints>(_mm256_shuffle_ps(front, back, 0b10001000));
+  halves.high = reinterpret_cast<Ints>(_mm256_shuffle_ps(front, back, 0b11011101));
+#else
   uint64_t words[8];
   std::memcpy(words, voxels, sizeof(words));
-  Ints low, high;
-  for (int k = 0; k < 8; ++k) low[k] = static_cast<int32_t>(words[k]);
-  for (int k = 0; k < 8; ++k) high[k] = static_cast<int32_t>(words[k] >> 32);
+  for (int k = 0; k < 8; ++k) halves.low[k] = static_cast<int32_t>(words[k]);
+  for (int k = 0; k < 8; ++k) halves.high[k] = static_cast<int32_t>(words[k] >> 32);
+#endif
+  return halves;
+}
+
+[[gnu::always_inline]] inline Corners Unpack(const FieldVoxel voxels[8], const float f[3]) {
+  const auto [low, high] = Split(voxels);
   const Ints ix = (low << 16) >> 16;
   Corners c;
   c.attributes = (high >> 16) & 0xffff;
@@ -84,15 +108,28 @@ struct Trilinear {
 }
 
 // Signed distance of each centre to its surfel.
-[[gnu::always_inline]] inline Floats SurfelDistances(const Corners& c) {
+[[gnu::always_inline]] inline Floats SurfelDistances(const FieldVoxel voxels[8], const Corners& c) {
   Floats nx, ny, nz;
   const NormalTable& table = Normals();
+#ifdef __AVX__
+  const auto two = [&](int k) {
+    return _mm256_set_m128(_mm_load_ps(table.xyz[voxels[k + 4].normal_code()]),
+                           _mm_load_ps(table.xyz[voxels[k].normal_code()]));
+  };
+  const __m256 n0 = two(0), n1 = two(1), n2 = two(2), n3 = two(3);
+  const __m256 xy01 = _mm256_unpacklo_ps(n0, n1), xy23 = _mm256_unpacklo_ps(n2, n3);
+  const __m256 z01 = _mm256_unpackhi_ps(n0, n1), z23 = _mm256_unpackhi_ps(n2, n3);
+  nx = _mm256_shuffle_ps(xy01, xy23, 0b01000100);
+  ny = _mm256_shuffle_ps(xy01, xy23, 0b11101110);
+  nz = _mm256_shuffle_ps(z01, z23, 0b01000100);
+#else
   for (int k = 0; k < 8; ++k) {
-    const float* n = table.xyz[(c.attributes[k] >> 9) & 127];
+    const float* n = table.xyz[voxels[k].normal_code()];
     nx[k] = n[0];
     ny[k] = n[1];
     nz[k] = n[2];
   }
+#endif
   const Floats squared = c.dx * c.dx + c.dy * c.dy + c.dz * c.dz;
   const Floats height = nx * c.dx + ny * c.dy + nz * c.dz;
   const Floats fade = (kNoDiscVoxels - LaneSqrt(squared)) / (kNoDiscVoxels - kFullDiscVoxels);
@@ -114,10 +151,18 @@ bool BlendedSideIsNegative(const Corners& c, const float f[3]) {
 }
 
 // The first lane that holds the smallest value.
-[[gnu::always_inline]] inline int SmallestLane(const Floats& v) {
+[[gnu::always_inline]] inline int SmallestLane(Floats a) {
+#ifdef __AVX__
+  __m256 least = _mm256_min_ps(a, _mm256_permute2f128_ps(a, a, 1));
+  least = _mm256_min_ps(least, _mm256_permute_ps(least, 0b01001110));
+  least = _mm256_min_ps(least, _mm256_permute_ps(least, 0b10110001));
+  const int equal = _mm256_movemask_ps(_mm256_cmp_ps(a, least, _CMP_EQ_OQ));
+  return std::countr_zero(static_cast<unsigned>(equal));
+#else
   int best = 0;
-  for (int k = 1; k < 8; ++k) best = v[k] < v[best] ? k : best;
+  for (int k = 1; k < 8; ++k) best = a[k] < a[best] ? k : best;
   return best;
+#endif
 }
 
 }  // namespace
@@ -135,17 +180,12 @@ void BlendCorners(const FieldVoxel voxels[8], const float fraction[3], StaticAns
   answer->sigma_code = static_cast<uint8_t>((c.attributes[best] >> 4) & 31);
   const float to_site = std::sqrt(squared);
   const Eigen::Vector3f towards(c.ex[best], c.ey[best], c.ez[best]);
-  uint16_t all = 8, any = 0;
-  for (int k = 0; k < 8; ++k) {
-    all &= voxels[k].attributes;
-    any |= voxels[k].attributes;
-  }
 
-  bool every_site = to_site < kSitesOnlyVoxels;
-  for (int k = 0; k < 8; ++k) every_site &= voxels[k].has_site();
+  // Without a site a lane is kNowhere.
+  const bool every_site = to_site < kSitesOnlyVoxels && AtMost(c.squared, 0.5f * kNowhere) == 0xff;
   if (every_site) {
     const Trilinear blend = WeightsAt(fraction);
-    const Floats distance = SurfelDistances(c);
+    const Floats distance = SurfelDistances(voxels, c);
     const float blended = SumOfLanes(blend.w * distance);
     const Eigen::Vector3f slope =
         UnitOrZero({SumOfLanes(blend.wx * distance), SumOfLanes(blend.wy * distance),
@@ -162,6 +202,11 @@ void BlendCorners(const FieldVoxel voxels[8], const float fraction[3], StaticAns
     answer->distance_voxels = share * blended + (1 - share) * sign * to_site;
     answer->gradient_W = UnitOrZero(share * slope - (1 - share) * sign / to_site * towards);
     return;
+  }
+  uint16_t all = 8, any = 0;
+  for (int k = 0; k < 8; ++k) {
+    all &= voxels[k].attributes;
+    any |= voxels[k].attributes;
   }
   const bool negative = (any & 8) && ((all & 8) || BlendedSideIsNegative(c, fraction));
   const float sign = negative ? -1.f : 1.f;

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "server/query/lanes.h"
+#include "server/query/shape_codec.h"
 #include "server/query/surfel_tree.h"
 
 namespace clearance {
@@ -158,6 +159,9 @@ std::shared_ptr<const ObjectShape> BuildObjectShape(std::vector<SurfaceSite> sit
     return !site.p_L.allFinite() || !site.normal_L.allFinite() || !std::isfinite(site.sigma_m);
   });
   if (shape->sites.empty()) return shape;
+  // The tree follows from the set of sites, whatever their order: a mirror that builds it from the
+  // sites in tree order gets the same one.
+  std::sort(shape->sites.begin(), shape->sites.end(), ComesFirst);
   const float radius_m = RadiusOf(*shape);
   for (const SurfaceSite& site : shape->sites) {
     shape->bounds_L.extend(DiscBox(site, radius_m));

@@ -12,8 +12,8 @@
 namespace clearance {
 namespace {
 
-// Below this many points tasks cost more than they give.
-constexpr Eigen::Index kParallelPoints = 8192;
+// Below this many points tasks give little: the other cores mostly map.
+constexpr Eigen::Index kParallelPoints = 32768;
 constexpr Eigen::Index kChunkPoints = 1024;
 
 // The entries of the index that the selection lets count; empty = all.

@@ -54,7 +54,11 @@ BlockIndex RegionOf(const BlockIndex& block) { return {block.x >> 3, block.y >> 
 
 void Gather(const Cell& cell, FieldVoxel corners[8]) {
   if (!cell.one_block) {
-    for (int k = 0; k < 8; ++k) corners[k] = *cell.corners[k];
+    // Written by pairs, as they are read.
+    for (int k = 0; k < 8; k += 2) {
+      const std::array<FieldVoxel, 2> pair = {*cell.corners[k], *cell.corners[k + 1]};
+      std::memcpy(static_cast<void*>(&corners[k]), pair.data(), sizeof(pair));
+    }
   } else if (cell.one_value) {
     for (int k = 0; k < 8; ++k) corners[k] = *cell.corners[0];
   } else {

@@ -2,6 +2,7 @@
 
 #include <unistd.h>
 
+#include <cmath>
 #include <fstream>
 #include <string>
 #include <utility>
@@ -9,7 +10,6 @@
 #include "absl/strings/str_format.h"
 #include "server/service/resolve.h"
 #include "server/service/unary_call.h"
-#include "server/service/unimplemented.h"
 
 #ifndef CLEARANCE_VERSION
 #define CLEARANCE_VERSION "0"
@@ -66,6 +66,16 @@ void FillMapStats(const MappingEngine& engine, v1::MapStats* out) {
   }
   out->set_evictions(stats.evictions);
   out->set_over_memory(stats.over_memory);
+}
+
+uint64_t SettledFrames(const ServiceContext& service) {
+  uint64_t frames = 0;
+  for (const auto& engine : service.registry->List()) {
+    for (const SourceStatus& source : engine->Stats().sources) {
+      frames += source.integrated + source.dropped + source.rejected;
+    }
+  }
+  return frames;
 }
 
 }  // namespace
@@ -145,9 +155,31 @@ grpc::ServerUnaryReactor* AdminServiceImpl::GetStats(grpc::CallbackServerContext
   return reactor;
 }
 
-grpc::ServerUnaryReactor* AdminServiceImpl::Drain(grpc::CallbackServerContext* context,
-                                                  const v1::DrainRequest*, v1::DrainResponse*) {
-  return UnaryNotOffered(context, "Drain");
+grpc::ServerUnaryReactor* AdminServiceImpl::Drain(grpc::CallbackServerContext*,
+                                                  const v1::DrainRequest* request,
+                                                  v1::DrainResponse* response) {
+  auto call = UnaryCall<v1::DrainResponse>::Start(service_, "Drain", response);
+  grpc::ServerUnaryReactor* reactor = call->reactor();
+  constexpr double kMaxTimeoutS = 3600;
+  const double timeout_s = request->timeout_s();
+  if (!(timeout_s >= 0 && timeout_s <= kMaxTimeoutS)) {
+    call->Finish(absl::InvalidArgumentError(
+        absl::StrFormat("timeout_s: got %g, expected 0 to %g", timeout_s, kMaxTimeoutS)));
+    return reactor;
+  }
+  const auto limit = std::chrono::milliseconds(static_cast<int64_t>(std::ceil(timeout_s * 1e3)));
+  const absl::Status posted = service_->pool->Post([service = service_, call, limit] {
+    const uint64_t before = SettledFrames(*service);
+    if (!service->settle(limit)) {
+      return call->Finish(absl::DeadlineExceededError(
+          "frames are still waiting; they settle unless the server is stopped. Ask again"));
+    }
+    v1::DrainResponse drained;
+    drained.set_settled_frames(SettledFrames(*service) - before);
+    call->Finish(std::move(drained));
+  });
+  if (!posted.ok()) call->Finish(posted);
+  return reactor;
 }
 
 }  // namespace clearance

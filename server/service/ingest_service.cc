@@ -61,8 +61,8 @@ absl::Status Submit(ServiceContext* service, const v1::IngestFrameRequest& reque
 }  // namespace
 
 grpc::ServerBidiReactor<v1::IngestFramesRequest, v1::IngestFramesResponse>*
-IngestServiceImpl::IngestFrames(grpc::CallbackServerContext*) {
-  return IngestStream::Start(service_, sessions_);
+IngestServiceImpl::IngestFrames(grpc::CallbackServerContext* context) {
+  return IngestStream::Start(service_, context, sessions_);
 }
 
 grpc::ServerUnaryReactor* IngestServiceImpl::IngestFrame(grpc::CallbackServerContext*,

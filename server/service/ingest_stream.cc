@@ -68,8 +68,9 @@ absl::Status OverMemoryError(const MappingEngine& engine) {
       absl::Seconds(5));
 }
 
-IngestStream* IngestStream::Start(ServiceContext* service, IngestSessions* sessions) {
-  std::shared_ptr<IngestStream> stream(new IngestStream(service, sessions));
+IngestStream* IngestStream::Start(ServiceContext* service, const grpc::ServerContextBase* context,
+                                  IngestSessions* sessions) {
+  std::shared_ptr<IngestStream> stream(new IngestStream(service, context, sessions));
   stream->self_ = stream;
   ++service->open_streams;
   stream->Drive();
@@ -245,6 +246,10 @@ absl::Status IngestStream::OpenFrom(const v1::IngestFramesRequest& request) {
                               "open as the first message");
   }
   const v1::OpenIngest& open = request.open();
+  if (absl::Status s = service_->access->Check(*context_, Right::kIngest, OnMap(open.map()));
+      !s.ok()) {
+    return s;
+  }
   const absl::StatusOr<std::string> source =
       wire::NameFromProto(open.source_id(), "open.source_id");
   if (!source.ok()) return source.status();

@@ -33,7 +33,8 @@ class IngestStream final
       public std::enable_shared_from_this<IngestStream> {
  public:
   // The stream owns itself until the transport is done with it.
-  static IngestStream* Start(ServiceContext* service, IngestSessions* sessions);
+  static IngestStream* Start(ServiceContext* service, const grpc::ServerContextBase* context,
+                             IngestSessions* sessions);
 
   // Reads no more; settles what is in flight, sends its acks, then IngestClosing, and ends.
   void Close(v1::IngestClosingReason reason);
@@ -44,8 +45,9 @@ class IngestStream final
   void OnDone() override;
 
  private:
-  IngestStream(ServiceContext* service, IngestSessions* sessions)
-      : service_(service), sessions_(sessions) {}
+  IngestStream(ServiceContext* service, const grpc::ServerContextBase* context,
+               IngestSessions* sessions)
+      : service_(service), context_(context), sessions_(sessions) {}
 
   void Drive();
   enum class Step { kNone, kRead, kWrite, kFinish };
@@ -68,6 +70,7 @@ class IngestStream final
   void Leave();
 
   ServiceContext* const service_;
+  const grpc::ServerContextBase* const context_;  // until OnDone
   IngestSessions* const sessions_;
   std::shared_ptr<IngestStream> self_;  // until OnDone
 

@@ -5,6 +5,7 @@
 
 #include "proto/wire/array.h"
 #include "proto/wire/geometry.h"
+#include "server/map/screw_twist.h"
 #include "server/query/point_query.h"
 #include "server/service/resolve.h"
 
@@ -13,15 +14,6 @@ namespace {
 
 constexpr size_t kHistoryBytesPerPose = 64;
 constexpr size_t kMaxHistoryBytes = 3u << 20;
-
-// Twist of a body on the constant screw [v; w] when its origin is at p: v + w x p.
-Twist TwistAt(const ObjectView& object, const Pose& T_W_L) {
-  Twist twist;
-  twist.angular_radps = object.screw_W.tail<3>();
-  twist.linear_mps =
-      object.screw_W.head<3>() + twist.angular_radps.cross(Eigen::Vector3d(T_W_L.translation()));
-  return twist;
-}
 
 void AppendHistory(const ObjectView& object, size_t max_poses, v1::ObjectInfo* out) {
   if (!object.history) return;
@@ -46,7 +38,8 @@ void ToProto(const ObjectView& object, double horizon_s, v1::ObjectBrief* out) {
   out->set_life_state(static_cast<v1::LifeState>(object.life_state));
   const Pose T_W_L = horizon_s == 0 ? object.T_W_L : object.PoseAt(horizon_s);
   wire::ToProto(T_W_L, out->mutable_world_from_object());
-  wire::ToProto(horizon_s == 0 ? object.twist : TwistAt(object, T_W_L), out->mutable_twist());
+  wire::ToProto(horizon_s == 0 ? object.twist : TwistOfScrew(object.screw_W, T_W_L),
+                out->mutable_twist());
 }
 
 void ToProto(const ObjectView& object, double horizon_s, v1::ObjectInfo* out) {

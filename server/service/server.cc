@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_format.h"
 #include "server/config/server_config.h"
+#include "server/service/access/gate.h"
 #include "server/service/admin_service.h"
 #include "server/service/export_service.h"
 #include "server/service/ingest_service.h"
@@ -46,10 +47,13 @@ struct ClearanceServer::Services {
         map(context, &sessions, serving_changed),
         exports(context),
         admin(context),
-        snapshot(context, &sessions, serving_changed) {}
+        watch(context),
+        snapshot(context, &sessions, serving_changed),
+        gates(context->access, this) {}
 
   std::array<grpc::Service*, 7> All() {
-    return {&ingest, &query, &map, &exports, &admin, &watch, &snapshot};
+    return {&gates.ingest, &gates.query, &gates.map,     &gates.exports,
+            &gates.admin,  &gates.watch, &gates.snapshot};
   }
 
   IngestSessions sessions;
@@ -60,14 +64,41 @@ struct ClearanceServer::Services {
   AdminServiceImpl admin;
   WatchServiceImpl watch;
   SnapshotServiceImpl snapshot;
+
+  // What the transport sees.
+  struct Gates {
+    Gates(const Access* access, Services* inner)
+        : ingest(access, &inner->ingest),
+          query(access, &inner->query),
+          map(access, &inner->map),
+          exports(access, &inner->exports),
+          admin(access, &inner->admin),
+          watch(access, &inner->watch),
+          snapshot(access, &inner->snapshot) {}
+    IngestGate ingest;
+    QueryGate query;
+    MapGate map;
+    ExportGate exports;
+    AdminGate admin;
+    WatchGate watch;
+    SnapshotGate snapshot;
+  };
+  Gates gates;
   std::unique_ptr<grpc::Server> grpc;
 };
 
-ClearanceServer::ClearanceServer(MapRegistry* registry, const ServerOptions& options)
-    : options_(options), pool_(options.worker_threads, options.worker_queue) {
+ClearanceServer::ClearanceServer(MapRegistry* registry, const ServerOptions& options,
+                                 std::unique_ptr<Access> access)
+    : options_(options),
+      pool_(options.worker_threads, options.worker_queue),
+      access_(std::move(access)) {
+  context_.access = access_.get();
   context_.registry = registry;
   context_.pool = &pool_;
   context_.limits = options.limits;
+  context_.settle = [this](std::chrono::milliseconds limit) {
+    return Settle(Clock::now() + (limit.count() > 0 ? limit : options_.drain_timeout));
+  };
   services_ = std::make_unique<Services>(
       &context_, [this](const std::string& map, bool serving) { SetMapServing(map, serving); });
 }
@@ -76,7 +107,14 @@ ClearanceServer::~ClearanceServer() { Drain(); }
 
 absl::StatusOr<std::unique_ptr<ClearanceServer>> ClearanceServer::Start(
     MapRegistry* registry, const ServerOptions& options) {
-  std::unique_ptr<ClearanceServer> server(new ClearanceServer(registry, options));
+  auto access = std::make_unique<Access>();
+  if (!options.access_file.empty()) {
+    absl::StatusOr<std::unique_ptr<Access>> read = Access::FromFile(options.access_file);
+    if (!read.ok()) return read.status();
+    access = *std::move(read);
+  }
+  std::unique_ptr<ClearanceServer> server(
+      new ClearanceServer(registry, options, std::move(access)));
   if (absl::Status s = server->Listen(); !s.ok()) return s;
   return server;
 }
@@ -90,12 +128,18 @@ absl::Status ClearanceServer::Listen() {
   (void)once;
   grpc::ServerBuilder builder;
   SetChannelArguments(options_.limits, &builder);
+  std::shared_ptr<grpc::ServerCredentials> tcp = grpc::InsecureServerCredentials();
+  if (options_.tls.enabled()) {
+    absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> tls = TlsCredentials(options_.tls);
+    if (!tls.ok()) return tls.status();
+    tcp = *std::move(tls);
+  }
   std::vector<int> ports(options_.listen.size());
   for (size_t i = 0; i < options_.listen.size(); ++i) {
     const absl::StatusOr<HostPort> address = ParseHostPort(options_.listen[i], "listen");
     if (!address.ok()) return address.status();
     if (absl::Status s = CheckTcpAddress(address->host, address->port); !s.ok()) return s;
-    builder.AddListeningPort(options_.listen[i], grpc::InsecureServerCredentials(), &ports[i]);
+    builder.AddListeningPort(options_.listen[i], tcp, &ports[i]);
   }
   if (!options_.socket.empty()) {
     if (absl::Status s = CheckUnixSocket(options_.socket); !s.ok()) return s;
@@ -132,12 +176,10 @@ void ClearanceServer::Loaded() {
 void ClearanceServer::ShowServing(bool serving) {
   grpc::HealthCheckServiceInterface* health = services_->grpc->GetHealthCheckService();
   health->SetServingStatus("", serving);
-  for (const char* name : {"Ingest", "Query", "Map", "Export", "Admin"}) {
+  for (const char* name : {"Ingest", "Query", "Map", "Export", "Admin", "Watch"}) {
     health->SetServingStatus(absl::StrFormat("clearance.v1.%sService", name), serving);
   }
   health->SetServingStatus("clearance.v1.SnapshotService", serving && context_.registry->durable());
-  // Declared, but not offered yet.
-  health->SetServingStatus("clearance.v1.WatchService", false);
 }
 
 std::shared_ptr<grpc::Channel> ClearanceServer::InProcessChannel() {
@@ -151,15 +193,20 @@ void ClearanceServer::SetMapServing(const std::string& map, bool serving) {
                                                              serving && !context_.draining);
 }
 
-bool ClearanceServer::Drain() {
-  if (drained_ || !services_->grpc) return true;
-  drained_ = true;
-  const Clock::time_point deadline = Clock::now() + options_.drain_timeout;
+bool ClearanceServer::Settle(Clock::time_point deadline) {
   context_.draining = true;
   services_->grpc->GetHealthCheckService()->SetServingStatus(false);
   services_->sessions.CloseAll(v1::INGEST_CLOSING_REASON_DRAINING);
   const bool settled = context_.registry->Drain(deadline);
   services_->sessions.WaitEmpty(deadline);
+  return settled;
+}
+
+bool ClearanceServer::Drain() {
+  if (drained_ || !services_->grpc) return true;
+  drained_ = true;
+  const Clock::time_point deadline = Clock::now() + options_.drain_timeout;
+  const bool settled = Settle(deadline);
   context_.registry->StopAll();  // what is left is abandoned, and its streams end
   services_->sessions.WaitEmpty(Clock::now() + kShutdownGrace);
   pool_.Stop();

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "server/service/access/tls.h"
 #include "server/service/service_context.h"
 
 namespace grpc {
@@ -18,6 +19,8 @@ namespace clearance {
 struct ServerOptions {
   std::vector<std::string> listen;  // HOST:PORT; port 0 = any free one
   std::string socket;               // path of a unix socket; empty = none
+  TlsFiles tls;                     // of the TCP addresses
+  std::string access_file;          // empty = whoever can connect may do everything
   ServiceLimits limits;
   int worker_threads = 2;
   size_t worker_queue = 256;
@@ -27,7 +30,8 @@ struct ServerOptions {
 class ClearanceServer {
  public:
   // UNAVAILABLE naming the address where it cannot be bound (for example because it is in use).
-  // `registry` outlives the server.
+  // NOT_FOUND or INVALID_ARGUMENT for a bad certificate, key or access file. `registry` outlives
+  // the server.
   static absl::StatusOr<std::unique_ptr<ClearanceServer>> Start(MapRegistry* registry,
                                                                 const ServerOptions& options);
   ~ClearanceServer();  // drains
@@ -47,16 +51,20 @@ class ClearanceServer {
   // finish; then the server stops, and all maps with it. False where frames were left unsettled at
   // the timeout. Idempotent.
   bool Drain();
+  // The first half of it: afterwards calls are answered with UNAVAILABLE. Thread-safe.
+  bool Settle(std::chrono::steady_clock::time_point deadline);
 
  private:
   struct Services;
 
-  ClearanceServer(MapRegistry* registry, const ServerOptions& options);
+  ClearanceServer(MapRegistry* registry, const ServerOptions& options,
+                  std::unique_ptr<Access> access);
   absl::Status Listen();
   void ShowServing(bool serving);
 
   const ServerOptions options_;
   WorkerPool pool_;
+  std::unique_ptr<Access> access_;
   ServiceContext context_;
   std::vector<std::string> addresses_;
   std::unique_ptr<Services> services_;

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <string>
 #include <utility>
@@ -12,6 +13,7 @@
 #include "absl/status/status.h"
 #include "server/engine/latency.h"
 #include "server/engine/map_registry.h"
+#include "server/service/access/access.h"
 #include "server/service/worker_pool.h"
 
 namespace clearance {
@@ -52,9 +54,13 @@ class CallStats {
 struct ServiceContext {
   MapRegistry* registry = nullptr;
   WorkerPool* pool = nullptr;
+  const Access* access = nullptr;  // never null while serving
   ServiceLimits limits;
   CallStats calls;
   std::atomic<bool> draining = false;
+  // Takes the server out of service: no new frames, what waits settles. False where the time, zero
+  // meaning the server's own limit, was not enough. Blocks.
+  std::function<bool(std::chrono::milliseconds)> settle;
   std::atomic<int64_t> open_streams = 0;
   std::chrono::steady_clock::time_point started_at = std::chrono::steady_clock::now();
 

@@ -32,7 +32,7 @@ ALLOWED = {
     # Mirror and server must give identical numbers, so the mirror links what needs no transport.
     "client/mirror": {"client", "proto/wire", "server/core", "server/field", "server/map",
                       "server/esdf", "server/query"},
-    "planner_demo": {"client", "planner_demo/sim", "planner_demo/sequence"},
+    "planner_demo": {"client", "client/mirror", "planner_demo/sim", "planner_demo/sequence"},
     "planner_demo/sim": set(),
     "planner_demo/sequence": {"planner_demo/sim"},
 }

@@ -146,6 +146,65 @@ TEST_F(LiveCommand, InfoTellsOfServerMapAndSource) {
   EXPECT_THAT(Clearance("info --map room").out, HasSubstr("revision"));
 }
 
+TEST_F(LiveCommand, BenchCountsCallsAndKeepsTheirLatencies) {
+  const Outcome run =
+      Clearance("bench query --map room --points 200 --clients 2 --seconds 0.3 --edges --json");
+  ASSERT_EQ(run.exit_code, 0) << Err();
+  const Json json = Json::parse(run.out);
+  const Json& latency = json["latency"];
+  EXPECT_GT(latency["count"].get<int>(), 2);
+  EXPECT_LE(latency["p50_ms"].get<double>(), latency["p99_ms"].get<double>());
+  EXPECT_LE(latency["p99_ms"].get<double>(), latency["max_ms"].get<double>());
+  int binned = 0;
+  for (const Json& bin : latency["histogram"]) binned += bin["count"].get<int>();
+  EXPECT_EQ(binned, latency["count"].get<int>());
+  // 20 calls a second and client for 0.5 s, whatever the server does.
+  const Json paced =
+      Json::parse(Clearance("bench query --map room --rate 20 --seconds 0.5 --json").out);
+  EXPECT_EQ(paced["latency"]["count"], 10);
+  EXPECT_THAT(Clearance("bench query --map room --seconds 0.1").out, HasSubstr("calls/s"));
+  EXPECT_EQ(Clearance("bench query --map nowhere --seconds 0.1").exit_code, 3);
+}
+
+TEST_F(LiveCommand, BenchIngestsIntoAMapOfItsOwnAndLeavesNone) {
+  const auto maps = [] {
+    std::vector<std::string> names;
+    const auto client = server_->Connect();
+    for (const MapInfo& info : client->ListMaps().value()) names.push_back(info.map);
+    return names;
+  };
+  const auto before = maps();
+  const Outcome run = Clearance("bench ingest --json " + Path("room"));
+  ASSERT_EQ(run.exit_code, 0) << Err();
+  const Json json = Json::parse(run.out);
+  EXPECT_EQ(json["sent_to_integrated"]["count"], 6);
+  EXPECT_EQ(json["not_integrated"], 0);
+  EXPECT_GE(json["sent_to_integrated"]["max_ms"].get<double>(),
+            json["integration"]["max_ms"].get<double>());
+  EXPECT_EQ(maps(), before);
+  EXPECT_EQ(Clearance("bench ingest /no/such/folder").exit_code, 3);
+}
+
+TEST_F(LiveCommand, WatchPrintsALineForWhatTheMapTells) {
+  const Outcome text = Clearance("watch --map room --count 1");
+  EXPECT_EQ(text.exit_code, 0) << text.out;
+  EXPECT_THAT(text.out, HasSubstr("checkpoint"));
+  EXPECT_THAT(text.out, HasSubstr("revision      6"));
+  const Outcome run = Clearance("watch --map room --count 1 --json");
+  ASSERT_EQ(run.exit_code, 0) << run.out;
+  const Json line = Json::parse(run.out);
+  EXPECT_EQ(line["kind"], "checkpoint");
+  EXPECT_EQ(line["stamp"]["revision"], 6);
+  EXPECT_GT(line["blocks"], 10);
+  EXPECT_GT(line["block_bytes"], 1000);
+  ASSERT_EQ(line["objects"].size(), 1u);
+  EXPECT_EQ(line["objects"][0]["object_id"], 7);
+  const Outcome poses = Clearance("watch --map room --count 1 --json --poses-only");
+  EXPECT_EQ(Json::parse(poses.out)["blocks"], 0);
+  EXPECT_EQ(Clearance("watch --map nowhere").exit_code, 3);
+  EXPECT_EQ(Clearance("watch --max-rate -1").exit_code, 2);
+}
+
 TEST_F(LiveCommand, SliceDrawsAPicture) {
   const Outcome run = Clearance("slice --map room --z 0.1 --json --out " + Path("slice.png"));
   ASSERT_EQ(run.exit_code, 0) << Err();
@@ -217,6 +276,48 @@ TEST_F(LiveCommand, ThePythonClientIngestsAndMeasures) {
                             " " CLEARANCE_PYTHON " tests/client/python_client_test.py " +
                             server_->address() + " 2>&1");
   EXPECT_EQ(run.exit_code, 0) << run.out;
+}
+
+TEST_F(LiveCommand, TopAndDoctorLookAtTheServer) {
+  const Outcome top = Clearance("top --count 1 --json");
+  ASSERT_EQ(top.exit_code, 0) << Err();
+  const Json json = Json::parse(top.out);
+  EXPECT_GT(json["resident_bytes"].get<uint64_t>(), 1'000'000u);
+  bool room = false;
+  for (const Json& map : json["maps"]) {
+    if (map["map"] != "room") continue;
+    room = true;
+    EXPECT_EQ(map["frames_integrated"], 6);
+    EXPECT_GT(map["frames_per_s"].get<double>(), 0);
+  }
+  EXPECT_TRUE(room);
+  EXPECT_THAT(Clearance("top --count 1").out, HasSubstr("frames/s"));
+  const Outcome doctor = Clearance("doctor --disk /tmp");
+  EXPECT_EQ(doctor.exit_code, 0) << Err();
+  EXPECT_THAT(doctor.out, HasSubstr("map room"));
+  EXPECT_EQ(Clearance("doctor --certificate /no/such.pem").exit_code, 5);
+}
+
+TEST_F(LiveCommand, ANodeClientMadeFromTheProtosAloneAgrees) {
+  if (Shell("node --version && npm --version").exit_code != 0) {
+    GTEST_SKIP() << "node or npm is not installed";
+  }
+  std::filesystem::copy("client/node", Path("node"), std::filesystem::copy_options::recursive);
+  const Outcome install = Shell("npm ci --prefix " + Path("node") + " --no-audit --no-fund 2>&1");
+  if (install.exit_code != 0) GTEST_SKIP() << "npm cannot install: " << install.out;
+  const Outcome run = Shell("CLEARANCE_PROTO=proto node " + Path("node/example.mjs") + " " +
+                            server_->address() + " room 2>&1");
+  ASSERT_EQ(run.exit_code, 0) << run.out;
+  for (const char* point : {"10 2 0.5", "5 0 0.5"}) {
+    for (const char* horizon : {"0", "1"}) {
+      const Json json = Json::parse(
+          Clearance(std::string("query ") + point + " --horizon " + horizon + " --map room --json")
+              .out);
+      char text[32];
+      std::snprintf(text, sizeof(text), "%.2f m", json["answers"][0]["distance_m"].get<double>());
+      EXPECT_THAT(run.out, HasSubstr(text)) << point << ", " << horizon << " s ahead";
+    }
+  }
 }
 
 }  // namespace

@@ -12,4 +12,5 @@ run(0 ${CMAKE_COMMAND} -S ${SOURCE} -B ${WORK}/build -G Ninja -DCMAKE_BUILD_TYPE
     -DCMAKE_PREFIX_PATH=${WORK}/prefix)
 run(0 ${CMAKE_COMMAND} --build ${WORK}/build)
 run(5 ${WORK}/build/uses_clearance 127.0.0.1:1)
+run(5 ${WORK}/build/uses_mirror 127.0.0.1:1)
 file(REMOVE_RECURSE ${WORK})

@@ -56,6 +56,31 @@ class PythonClient(unittest.TestCase):
             self.assertEqual([o.brief.object_id for o in objects], [3])
             self.assertEqual(objects[0].brief.class_name, "box")
 
+    def test_watch_follows_the_poses_of_objects(self):
+        depth = np.full((48, 64), 3000, np.uint16)
+        labels = np.zeros((48, 64), np.uint16)
+        depth[20:28, 28:36] = 2000
+        labels[20:28, 28:36] = 3
+        with clearance.Client(self.address, map="watched") as client:
+            client.create_map("watched", voxel_size_m=0.1)
+            watch = client.watch()
+            stamp, objects = next(watch)
+            self.assertEqual((stamp.revision, objects), (0, {}))
+            with client.ingest() as stream:
+                for i in range(4):
+                    motion = clearance.object_motion(
+                        3, world_motion=clearance.pose([0.0, 0.0, 0.1]), class_name="box")
+                    stream.send(clearance.depth_frame(
+                        i, 10**9 + i * 10**8, clearance.pose([0, 0, 0]), depth, (60, 60, 31.5, 23.5),
+                        0.001, labels, [motion] if i else []))
+            while stamp.revision < 4:
+                stamp, objects = next(watch)
+            watch.close()
+            self.assertEqual(list(objects), [(3, 1)])
+            mine, = objects.values()
+            theirs, = client.objects()
+            self.assertEqual(mine, theirs.brief)
+
     def test_errors_carry_code_and_text(self):
         with clearance.Client(self.address, map="nowhere") as client:
             with self.assertRaises(clearance.ClearanceError) as caught:

@@ -35,6 +35,28 @@ struct Halo {
     ExtractSites(mean, weight, kH, 0.3f, &sites);
     ClassifyVoxels(mean, weight, evidence, sites, kH, 0.3f, states);
   }
+  // As ReadObserved gives it: of the 26 blocks around only what touches this one.
+  std::array<BlockMask, 27> Observed() const {
+    std::array<BlockMask, 27> masks{};
+    for (int x = -1; x <= 8; ++x) {
+      for (int y = -1; y <= 8; ++y) {
+        for (int z = -1; z <= 8; ++z) {
+          const int h = HaloOffset(x, y, z);
+          if (evidence[h] == 0 && weight[h] == 0) continue;
+          const BlockIndex b = BlockOf({x, y, z});
+          Set(masks[(b.x + 1) * 9 + (b.y + 1) * 3 + b.z + 1], OffsetOf({x, y, z}));
+        }
+      }
+    }
+    return masks;
+  }
+  std::array<int32_t, kBlockVoxels> OwnEvidence() const {
+    std::array<int32_t, kBlockVoxels> own;
+    for (int o = 0; o < kBlockVoxels; ++o) {
+      own[o] = evidence[HaloOffset(o >> 6, (o >> 3) & 7, o & 7)];
+    }
+    return own;
+  }
   uint8_t At(int x, int y = 4, int z = 4) const { return states[x << 6 | y << 3 | z]; }
 };
 
@@ -133,7 +155,7 @@ TEST(VoxelState, AgreesWithTheRulesOfFreeEvidenceVoxelByVoxel) {
                                       static_cast<uint8_t>(rng() % 2), 0}
                              .Pack();
     }
-    ClassifyByEvidence(halo.weight, halo.evidence, halo.states);
+    ClassifyByEvidence(halo.OwnEvidence().data(), Surrounded(halo.Observed()), halo.states);
     for (int o = 0; o < kBlockVoxels; ++o) {
       const int h = HaloOffset(o >> 6, (o >> 3) & 7, o & 7);
       int expected = 0;
@@ -143,6 +165,19 @@ TEST(VoxelState, AgreesWithTheRulesOfFreeEvidenceVoxelByVoxel) {
       }
       ASSERT_EQ(halo.states[o], expected) << repeat << " " << o;
     }
+  }
+}
+
+TEST(VoxelState, IsTheSameFromMasksAndFromHalos) {
+  std::mt19937 rng(2);
+  for (int repeat = 0; repeat < 200; ++repeat) {
+    Halo halo;
+    const uint32_t holes = 1 + rng() % 400;
+    for (int i = 0; i < kHaloVoxels; ++i) {
+      if (rng() % holes != 0) halo.evidence[i] = kSure.Pack();
+      if (rng() % holes == 0) halo.weight[i] = 1;
+    }
+    ASSERT_EQ(Surrounded(halo.Observed()), Surrounded(halo.weight, halo.evidence)) << repeat;
   }
 }
 

@@ -20,6 +20,7 @@ import object_mesh
 import poses
 from meshes import Mesh, VoxelGrid
 from sequence import Sequence
+from server import Answer
 from world import World
 
 SIMULATOR = sys.argv.pop(1)
@@ -99,7 +100,7 @@ class Recordings(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
-        for scene, frames in (("hall", 4), ("crossing", 16), ("cubes", 6)):
+        for scene, frames in (("hall", 4), ("crossing", 16), ("cubes", 6), ("parking", 60)):
             subprocess.run([SIMULATOR, "--scene", scene, "--seed", "3", "--frames", str(frames), "--quiet",
                             "--out", f"{cls.folder.name}/{scene}"], check=True)
 
@@ -191,21 +192,30 @@ class Recordings(unittest.TestCase):
     def test_field_errors_are_zero_for_the_truth_and_the_bias_for_a_biased_field(self):
         sequence, world = self.load("crossing")
         observed = field_error.ObservedSurface(world)
-        points = field_error.points_in_the_open(sequence, 600)
         frame = sequence.frame_count - 1
-        for bias in (0.0, .1):
-            def answer(p):
-                distance, _, owner = world.distance(p, frame)
-                return distance + bias, np.ones(len(p), int), owner
-            result = field_error.evaluate(world, observed, points, answer, frame, 5.0)
-            self.assertAlmostEqual(result["mean"], bias / sequence.voxel_m, places=9)
-            self.assertGreater(result["points"], 100)
-            # Rings of a lidar leave gaps on the ground, and backs are never seen.
-            self.assertGreater(result["observed_share"], .2)
-            self.assertLess(result["observed_share"], .9)
-        near = field_error.points_near_objects(world, 300, 2.0, frame)
+        placed = {j: world.pose(j, frame) for j in world.objects}
+        movers = field_error.movers_in_view(world)
+        near = field_error.points_near_objects(world, movers, placed, 2000)
         to_objects = world.distance(near, frame, static=False)[0]
-        self.assertTrue(((to_objects > 0) & (to_objects < 2)).all())
+        self.assertTrue((to_objects < 2).all())
+        self.assertTrue((to_objects < 0).any())
+        for points, where in ((field_error.points_in_the_open(sequence, 600), None), (near, placed)):
+            for bias in (0.0, .1):
+                def answer(p):
+                    distance, nearest, owner = world.distance(p, placed=where or {}, objects=list(where or []))
+                    gradient = (p - nearest) / distance[:, None]
+                    return Answer(distance + bias, np.ones(len(p), int), gradient, owner, np.zeros(len(p), bool))
+                rows = field_error.evaluate(world, observed, points, answer, 5.0, where)
+                result = rows["all" if where else "open"]
+                self.assertAlmostEqual(result["mean"], bias / sequence.voxel_m, places=9)
+                self.assertAlmostEqual(result["gradient_p95_deg"], 0, delta=1e-3)
+                self.assertGreater(result["points"], 100)
+                # Rings of a lidar leave gaps on the ground, and backs are never seen.
+                self.assertGreater(result["observed_share"], .2)
+                self.assertLess(result["observed_share"], .95)
+        parts = [rows[k]["points"] for k in ("outside boxes", "in boxes, outside solids")]
+        self.assertEqual(sum(parts), rows["all"]["points"])
+        self.assertGreater(min(parts), 0)
 
     def test_free_space_is_the_whole_slab_for_the_truth(self):
         sequence, world = self.load("hall")
@@ -225,9 +235,7 @@ class Recordings(unittest.TestCase):
     def test_shrunk_labels_lose_their_borders_and_late_ones_their_first_frames(self):
         for scene in ("cubes", "crossing"):
             sequence, _ = self.load(scene)
-            target = f"{self.folder.name}/{scene}-degraded"
-            degrade.degrade(sequence, target, shrink_px=3, late_frames=2)
-            copy = Sequence(target)
+            copy = degrade.Degraded(sequence, shrink_px=3, late_frames=2)
             seen, lost = {}, 0
             for k in range(sequence.frame_count):
                 (points, labels), (same, fewer) = sequence.scan(k), copy.scan(k)
@@ -242,7 +250,81 @@ class Recordings(unittest.TestCase):
             for j, motions in copy.motions.items():
                 first = min(k for k in range(copy.frame_count)
                             if (sequence.scan(k)[1] == j).any())
-                self.assertGreater(min(motions), first + 2)
+                if motions:
+                    self.assertGreater(min(motions), first + 2)
+
+    def test_grown_labels_gain_static_borders_only(self):
+        for scene in ("cubes", "crossing"):
+            sequence, _ = self.load(scene)
+            labels, grown = sequence.scan(3)[1], degrade.Degraded(sequence, grow_px=3).scan(3)[1]
+            self.assertTrue((grown[labels > 0] == labels[labels > 0]).all())
+            self.assertGreater((grown != labels).sum(), 20)
+            self.assertLess((grown != labels).sum(), 4 * (labels > 0).sum())
+
+    def test_depth_noise_has_the_deviation_asked_for_and_repeats(self):
+        for scene in ("cubes", "crossing"):
+            sequence, _ = self.load(scene)
+            points, labels = sequence.scan(2)
+            noisy, same = degrade.Degraded(sequence, depth_sigma_m=.02).scan(2)
+            np.testing.assert_array_equal(labels, same)
+            step = noisy - points
+            along = step[:, 2] if sequence.is_camera else np.sum(step * points, 1) / np.linalg.norm(points, axis=1)
+            self.assertAlmostEqual(along.std(), .02, delta=.001)
+            self.assertAlmostEqual(along.mean(), 0, delta=.001)
+            again, _ = degrade.Degraded(sequence, depth_sigma_m=.02).scan(2)
+            np.testing.assert_array_equal(noisy, again)
+
+    def test_bridged_motions_span_the_lost_frame(self):
+        sequence, world = self.load("crossing")
+        bridged = degrade.Degraded(sequence, lost_every=5, bridged_motions=True)
+        self.assertEqual(bridged.frames(), [k for k in range(16) if k % 5 != 1])
+        for j, from_frame, H in bridged.motions_of(7):
+            self.assertEqual(from_frame, 5)
+            np.testing.assert_allclose(H @ world.pose(j, 5), world.pose(j, 7), atol=1e-9)
+        self.assertTrue(bridged.motions_of(7))
+        broken = degrade.Degraded(sequence, lost_every=5)
+        for j, from_frame, H in broken.motions_of(7):
+            self.assertEqual(from_frame, 6)
+            np.testing.assert_allclose(H @ world.pose(j, 6), world.pose(j, 7), atol=1e-9)
+        self.assertTrue(all(start is None for _, start, _ in broken.motions_of(8)))
+
+    def test_motion_noise_is_about_the_object(self):
+        sequence, _ = self.load("crossing")
+        shaken = degrade.Degraded(sequence, motion_sigma_m=.02)
+        steps, turns = [], []
+        for j, known in sequence.motions.items():
+            for k, H in known.items():
+                E = shaken.motions[j][k] @ poses.inverse(H)
+                centre = sequence.object_poses[j][k][:3, 3]
+                steps.append(poses.apply(E, centre) - centre)
+                turns.append(Rotation.from_matrix(E[:3, :3]).as_rotvec())
+        self.assertAlmostEqual(np.std(steps), .02, delta=.004)
+        self.assertAlmostEqual(np.std(turns), .01, delta=.002)
+
+    def test_objects_that_stand_lose_label_and_motion(self):
+        sequence, _ = self.load("parking")
+        still = degrade.Degraded(sequence, still_is_static=True)
+        started, parked = set(np.unique(still.scan(1)[1])), set(np.unique(still.scan(sequence.frame_count - 1)[1]))
+        self.assertIn(1, started)
+        self.assertNotIn(2, started)
+        self.assertNotIn(1, parked)
+        self.assertIn(2, parked)
+        for j, known in still.motions.items():
+            for H in known.values():
+                self.assertGreater(np.abs(H - np.eye(4)).max(), 1e-4, f"object {j}")
+
+    def test_constant_twist_is_the_true_motion_of_what_moves_steadily(self):
+        sequence, world = self.load("crossing")
+        steady = 0
+        for j in world.objects:
+            for h in (.5, 1.):
+                ahead = world.pose(j, 5 + h * sequence.rate_hz)
+                known = sequence.object_poses[j]
+                H = known[5] @ poses.inverse(known[4])
+                if all(np.allclose(known[k + 1], H @ known[k], atol=1e-6) for k in range(5, 16)):
+                    np.testing.assert_allclose(world.carried(j, 5, h), ahead, atol=1e-4)
+                    steady += 1
+        self.assertGreater(steady, 5)
 
     def test_shrunk_images_keep_what_is_three_pixels_inside(self):
         label = np.zeros((20, 30), np.uint16)

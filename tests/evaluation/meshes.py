@@ -25,6 +25,7 @@ class Mesh:
     def __init__(self, vertices, faces):
         self.vertices = _array(vertices).reshape(-1, 3)
         self.faces = _array(faces, np.uint32).reshape(-1, 3)
+        self._closed = None
         self._mesh = ctypes.c_void_p(_lib.truth_mesh_new(
             _at(self.vertices), ctypes.c_size_t(len(self.vertices)), _at(self.faces),
             ctypes.c_size_t(len(self.faces))))
@@ -32,6 +33,23 @@ class Mesh:
     def __del__(self):
         if getattr(self, "_mesh", None):
             _lib.truth_mesh_free(self._mesh)
+
+    def _is_closed(self):
+        """Whether every edge, of vertices at one place, belongs to two triangles or more."""
+        if len(self.faces) == 0:
+            return False
+        _, place = np.unique(np.round(self.vertices, 5), axis=0, return_inverse=True)
+        f = place.reshape(-1)[self.faces]
+        f = f[(f[:, 0] != f[:, 1]) & (f[:, 1] != f[:, 2]) & (f[:, 2] != f[:, 0])]
+        edges = np.sort(np.concatenate([f[:, [0, 1]], f[:, [1, 2]], f[:, [2, 0]]]), 1)
+        return bool((np.unique(edges, axis=0, return_counts=True)[1] > 1).all())
+
+    @property
+    def closed(self):
+        """An open mesh has no certain inside: its `inside` is a majority of more rays, some of which escape."""
+        if self._closed is None:
+            self._closed = self._is_closed()
+        return self._closed
 
     def normals(self):
         """Unit normals of the triangles."""
@@ -47,14 +65,14 @@ class Mesh:
         return distance, near, face
 
     def inside(self, points):
-        """Whether points lie in any of the closed surfaces: the majority of three directions."""
+        """Whether points lie in any of the closed surfaces: the majority of three directions (open: nine)."""
         p = _array(points).reshape(-1, 3)
-        votes = np.zeros(len(p), int)
-        for direction in np.random.default_rng(5).normal(size=(3, 3)):
+        votes, directions = np.zeros(len(p), int), 3 if self.closed else 9
+        for direction in np.random.default_rng(5).normal(size=(directions, 3)):
             inside, d = np.empty(len(p), np.uint8), _array(direction)
             _lib.truth_inside(self._mesh, _at(p), ctypes.c_size_t(len(p)), _at(d), _at(inside))
             votes += inside
-        return votes >= 2
+        return 2 * votes > directions
 
     def blocked(self, eye, targets, slack_m=1e-4):
         """Whether the mesh hides each target from the eye."""
@@ -70,11 +88,13 @@ class Mesh:
         a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
         area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         normals, found, missing = self.normals(), [], count
+        # Faces of an open mesh may point inwards, so that nothing tells what is buried.
+        buried = (lambda p: self.inside(p)) if self.closed else (lambda p: np.zeros(len(p), bool))
         while missing > 0:
             f = rng.choice(len(self.faces), 2 * missing + 100, p=area / area.sum())
             u, v = np.sqrt(rng.random(len(f)))[:, None], rng.random(len(f))[:, None]
             p = (1 - u) * a[f] + u * (1 - v) * b[f] + u * v * c[f]
-            p = p[~self.inside(p + 1e-3 * normals[f])][:missing]
+            p = p[~buried(p + 1e-3 * normals[f])][:missing]
             found.append(p)
             missing -= len(p)
         return np.concatenate(found)

@@ -28,7 +28,11 @@ def _header(data, path):
 
 def read(path):
     """Vertices as a structured array and triangles [n, 3] (none in a cloud)."""
-    data = pathlib.Path(path).read_bytes()
+    return parse(pathlib.Path(path).read_bytes(), path)
+
+
+def parse(data, path="PLY data"):
+    """As read, of a file's bytes."""
     elements, at = _header(data, path)
     vertices, faces = np.zeros(0, _CLOUD), np.zeros((0, 3), np.uint32)
     for name, count, properties in elements:
@@ -56,6 +60,11 @@ def _xyz(vertices):
 def read_mesh(path):
     """Vertices [n, 3] float64 and triangles [m, 3]."""
     vertices, faces = read(path)
+    return _xyz(vertices), faces
+
+
+def parse_mesh(data):
+    vertices, faces = parse(data)
     return _xyz(vertices), faces
 
 

@@ -21,17 +21,27 @@ class Sequence:
         self.folder = pathlib.Path(folder)
         self.name = self.folder.resolve().name
         self.info = json.loads((self.folder / "sequence.json").read_text())
-        self.sensor = self.info["sensor"]
+        self.sensor = dict(self.info["sensor"])
         self.is_camera = self.sensor["type"] == "depth_camera"
-        self.frame_count = self.info["frame_count"]
-        self.voxel_m = self.info["voxel_size_m"]
-        self.rate_hz = self.info.get("rate_hz") or self.info["frame_rate_hz"]
+        self.voxel_m = self.info.get("voxel_size_m") or (0.1 if self.is_camera else 0.2)
+        self.sensor.setdefault("max_range_m", 25.0 if self.is_camera else 40.0)
         rows = np.loadtxt(self.folder / "trajectory.tum", ndmin=2)
+        self.frame_count = min(self.info.get("frame_count", len(rows)), len(rows))
+        self.rate_hz = (self.info.get("rate_hz") or self.info.get("frame_rate_hz") or
+                        (1 / np.median(np.diff(rows[:, 0])) if len(rows) > 1 else 10.0))
         self.times_s, self.sensor_poses = rows[:, 0], [poses.from_tq(r[1:]) for r in rows]
         self.motions = self._poses("object_motions.csv")
         self.exact = (self.folder / "gt" / "object_poses.csv").exists()
         self.object_poses = self._poses("gt/object_poses.csv" if self.exact else "object_poses.csv")
         self._rays = None
+
+    def frames(self):
+        """Those that arrive: all."""
+        return list(range(self.frame_count))
+
+    def motions_of(self, frame):
+        """[(object id, frame at which the motion starts or None for the one before, H_W)] into a frame."""
+        return [(j, None, known[frame]) for j, known in sorted(self.motions.items()) if frame in known]
 
     def _poses(self, name):
         found = {}
@@ -45,6 +55,8 @@ class Sequence:
 
     def box_sizes(self):
         """{object id: [length, width, height]} of the annotated movers of a recording."""
+        if not (self.folder / "objects.csv").exists():
+            return {}
         with open(self.folder / "objects.csv", newline="") as f:
             return {int(r["object_id"]): np.array([float(r[c]) for c in ("length", "width", "height")])
                     for r in csv.DictReader(f) if r.get("moving", "1") == "1"}
@@ -76,7 +88,10 @@ class Sequence:
         """Points in the sensor frame [n, 3] and their labels [n]."""
         if not self.is_camera:
             return ply.read_cloud(self.scan_path("cloud", frame))
-        depth, label = self.images(frame)
+        return self.points_of(*self.images(frame))
+
+    def points_of(self, depth, label):
+        """As scan, of images as stored."""
         seen = depth > 0
         points = depth[seen, None] * self.sensor["depth_scale_m"] * self.rays()[seen]
         keep = points[:, 2] <= self.sensor["max_range_m"]
@@ -92,5 +107,6 @@ class Sequence:
                     (u < s["width"] - .5) & (v < s["height"] - .5))
         distance = np.linalg.norm(points_X, axis=1)
         elevation = np.degrees(np.arcsin(np.clip(z / np.maximum(distance, 1e-9), -1, 1)))
-        return ((distance <= s["max_range_m"]) & (elevation >= s["elevation_min_deg"]) &
-                (elevation <= s["elevation_max_deg"]))
+        low, high = s.get("vertical_fov_deg", (-90.0, 90.0))
+        return ((distance <= s["max_range_m"]) & (elevation >= s.get("elevation_min_deg", low)) &
+                (elevation <= s.get("elevation_max_deg", high)))

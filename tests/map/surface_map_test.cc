@@ -7,6 +7,7 @@
 #include <random>
 
 #include "server/map/free_evidence.h"
+#include "server/map/observed_voxels.h"
 
 namespace clearance {
 namespace {
@@ -171,6 +172,54 @@ TEST(SurfaceMap, HaloReadsEqualSingleReadsAcrossBlockBorders) {
           const VoxelIndex v = FirstVoxel(block) + VoxelIndex(x, y, z);
           EXPECT_EQ(mean[HaloOffset(x, y, z)], MeanAt(map, v));
           EXPECT_EQ(weight[HaloOffset(x, y, z)], WeightAt(map, v));
+        }
+      }
+    }
+  }
+}
+
+TEST(SurfaceMap, ObservedMasksSayWhereBandAndEvidenceAre) {
+  SurfaceMap map(0.1);
+  std::mt19937 rng(7);
+  std::uniform_int_distribution<int> index(-12, 12);
+  for (int step = 0; step < 40; ++step) {
+    SurfaceUpdate update;
+    Voxels voxels;
+    for (int i = 0; i < 60; ++i) voxels[{index(rng), index(rng), index(rng)}] = {0.01f, 0.5f};
+    update.band = BandOf(voxels);
+    update.free.push_back({BlockIndex{-1, -1, -1}, kFullMask, kFullMask, {}});  // becomes a tile
+    FreeBlock some{BlockIndex{0, 0, -1}, {}, {}, {}};
+    for (int i = 0; i < 20; ++i) {
+      Set(some.probable, static_cast<int>(rng() % kBlockVoxels));
+      Set(some.contradicted, static_cast<int>(rng() % kBlockVoxels));
+    }
+    some.refuted = some.contradicted;
+    update.free.push_back(some);
+    if (step > 5) update.band = {};
+    map.Apply(update, {});
+    if (step == 30) {
+      const Aabb box(Eigen::Vector3d(-0.6, -0.6, -0.6), Eigen::Vector3d(0.3, 0.3, 0.3));
+      map.Edit(RegionAction::kClearToUnknown, box, [](const auto&) { return 0.0; }, 0.2, {});
+    }
+    for (const BlockIndex& block : {BlockIndex{-1, -1, -1}, BlockIndex{0, 0, -1}}) {
+      ObservedVoxels observed;
+      ReadObserved(map, block, &observed);
+      std::vector<float> mean(kHaloVoxels), weight(kHaloVoxels);
+      std::vector<int32_t> evidence(kHaloVoxels), own(kBlockVoxels);
+      map.ReadBand(block, mean.data(), weight.data());
+      map.ReadEvidence(block, evidence.data());
+      ReadOwnEvidence(map, block, own.data());
+      for (int x = -1; x <= 8; ++x) {
+        for (int y = -1; y <= 8; ++y) {
+          for (int z = -1; z <= 8; ++z) {
+            const int h = HaloOffset(x, y, z), o = OffsetOf({x, y, z});
+            const BlockIndex b = BlockOf({x, y, z});
+            const BlockMask& mask = observed.any[(b.x + 1) * 9 + (b.y + 1) * 3 + b.z + 1];
+            ASSERT_EQ(Test(mask, o), evidence[h] != 0 || weight[h] > 0) << step;
+            if (b != BlockIndex{}) continue;
+            ASSERT_EQ(Test(observed.band, o), weight[h] > 0) << step;
+            ASSERT_EQ(own[o], evidence[h]) << step;
+          }
         }
       }
     }

@@ -89,8 +89,8 @@ TEST_P(EveryScene, KeepsItsSensorInTheOpenAndItsMoversApart) {
 }
 
 TEST_P(EveryScene, HasTheMoversItPromises) {
-  const std::map<std::string, size_t> expected = {
-      {"crossing", 12}, {"street", 5}, {"orbit", 1}, {"cubes", 4}, {"hall", 12}};
+  const std::map<std::string, size_t> expected = {{"crossing", 12}, {"street", 5}, {"orbit", 1},
+                                                  {"cubes", 4},     {"hall", 12},  {"parking", 3}};
   for (const uint64_t seed : {0u, 1u, 2u, 3u}) {
     const auto scene = MakeScene(GetParam(), seed);
     const auto it = expected.find(GetParam());

@@ -3,11 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <random>
 
 #include "server/query/point_query.h"
+#include "server/query/surfel_tree.h"
 #include "tests/query/query_fixture.h"
 
 namespace clearance {
@@ -42,6 +45,31 @@ TEST(ObjectTree, EqualsBruteForceBitForBit) {
         ASSERT_EQ(tree.distance_m, brute.distance_m);
       }
     }
+  }
+}
+
+TEST(ObjectTree, IsTheSameFromTheSameSitesInAnyOrder) {
+  std::mt19937 rng(4);
+  std::uniform_int_distribution<int> cell(-9, 9);
+  std::vector<SurfaceSite> sites(700);
+  for (SurfaceSite& site : sites) {  // on a grid: many ties
+    site.p_L = 0.1f * Eigen::Vector3f(cell(rng), cell(rng), cell(rng));
+    site.normal_L = Eigen::Vector3f(cell(rng), cell(rng), 10).normalized();
+    site.sigma_m = 0.01f;
+  }
+  const auto shape = BuildObjectShape(sites, kVoxel);
+  for (int round = 0; round < 10; ++round) {
+    std::vector<SurfaceSite> again = shape->sites;
+    if (round > 0) std::shuffle(again.begin(), again.end(), rng);
+    const auto other = BuildObjectShape(again, kVoxel);
+    ASSERT_EQ(other->tree->leaves.size(), shape->tree->leaves.size());
+    EXPECT_EQ(std::memcmp(other->tree->leaves.data(), shape->tree->leaves.data(),
+                          shape->tree->leaves.size() * sizeof(SurfelTree::Leaf)),
+              0);
+    ASSERT_EQ(other->tree->nodes.size(), shape->tree->nodes.size());
+    EXPECT_EQ(std::memcmp(other->tree->nodes.data(), shape->tree->nodes.data(),
+                          shape->tree->nodes.size() * sizeof(SurfelTree::Node)),
+              0);
   }
 }
 

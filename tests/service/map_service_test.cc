@@ -180,10 +180,11 @@ TEST_F(MapServiceTest, HealthKnowsServicesAndMapsAndTheDrain) {
   StartServer();
   for (const char* name :
        {"", "clearance.v1.QueryService", "clearance.v1.IngestService", "clearance.v1.MapService",
-        "clearance.v1.ExportService", "clearance.v1.AdminService", "maps/default"}) {
+        "clearance.v1.ExportService", "clearance.v1.AdminService", "clearance.v1.WatchService",
+        "maps/default"}) {
     EXPECT_EQ(HealthOf(name), Health::SERVING) << name;
   }
-  EXPECT_EQ(HealthOf("clearance.v1.WatchService"), Health::NOT_SERVING);
+  EXPECT_EQ(HealthOf("clearance.v1.SnapshotService"), Health::NOT_SERVING);
   EXPECT_EQ(HealthOf("maps/nowhere"), Health::SERVICE_UNKNOWN);
 }
 

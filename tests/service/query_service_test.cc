@@ -352,10 +352,6 @@ TEST_F(QueryServiceTest, WhatIsNotOfferedYetSaysSo) {
   auto stream = query_->QueryStream(&c[5]);
   EXPECT_FALSE(stream->Read(&answer));
   expect(stream->Finish(), "QueryStream");
-  v1::WatchMapResponse delta;
-  auto watch = v1::WatchService::NewStub(channel_)->WatchMap(&c[6], {});
-  EXPECT_FALSE(watch->Read(&delta));
-  expect(watch->Finish(), "WatchMap");
   v1::CreateSnapshotResponse snapshot;
   expect(v1::SnapshotService::NewStub(channel_)->CreateSnapshot(&c[7], {}, &snapshot),
          "CreateSnapshot");

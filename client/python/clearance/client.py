@@ -4,13 +4,11 @@ import collections
 
 import grpc
 
-from clearance import arrays
+from clearance import arrays, channel
 from clearance.errors import ClearanceError
 from clearance.ingest import IngestStream
 from clearance.v1 import (common_pb2, ingest_pb2_grpc, map_pb2, map_pb2_grpc, query_pb2,
-                          query_pb2_grpc)
-
-_MAX_MESSAGE_BYTES = 16 << 20
+                          query_pb2_grpc, watch_pb2, watch_pb2_grpc)
 
 Answers = collections.namedtuple(
     "Answers", "distances_m states gradients object_ids sigmas_m objects stamp reference_ns")
@@ -25,14 +23,12 @@ above; gradients (n, 3) float32, unit, in the world; object_ids (n,) uint32, 0 =
 class Client:
     """Safe to use from several threads. Calls raise ClearanceError."""
 
-    def __init__(self, address="127.0.0.1:50051", map="", timeout_s=30.0, connect_timeout_s=3.0):
-        target = f"unix:{address}" if address.startswith(("/", "./")) else address
+    def __init__(self, address="127.0.0.1:50051", map="", timeout_s=30.0, connect_timeout_s=3.0, *,
+                 token="", tls_ca="", tls_certificate="", tls_key=""):
+        """`token` goes with every call; tls_*: paths of PEM files, as of the clearance command."""
         self.map = map
         self._timeout_s = timeout_s
-        self._channel = grpc.insecure_channel(target, options=[
-            ("grpc.max_receive_message_length", _MAX_MESSAGE_BYTES),
-            ("grpc.enable_http_proxy", 0),
-        ])
+        self._channel = channel.open_channel(address, token, tls_ca, tls_certificate, tls_key)
         try:
             grpc.channel_ready_future(self._channel).result(timeout=connect_timeout_s)
         except grpc.FutureTimeoutError:
@@ -43,6 +39,7 @@ class Client:
                 "is clearance_server running there?") from None
         self._query = query_pb2_grpc.QueryServiceStub(self._channel)
         self._maps = map_pb2_grpc.MapServiceStub(self._channel)
+        self._watch = watch_pb2_grpc.WatchServiceStub(self._channel)
         self._ingest = ingest_pb2_grpc.IngestServiceStub(self._channel)
 
     def close(self):
@@ -90,6 +87,35 @@ class Client:
 
     def map_info(self):
         return self._call(self._maps.GetMap, map_pb2.GetMapRequest(map=self.map)).info
+
+    def watch(self, max_rate_hz=0.0):
+        """Follows the objects' poses; yields (stamp, objects) for each revision.
+
+        stamp is the MapStamp; objects maps (object_id, generation) to its ObjectBrief, all that
+        the map remembers. Ends with ClearanceError where the map is deleted or the server stops.
+        """
+        request = watch_pb2.WatchMapRequest(map=self.map, max_rate_hz=max_rate_hz, poses_only=True)
+        call = self._watch.WatchMap(request)
+        objects = {}
+        try:
+            for message in call:
+                kind = message.WhichOneof("message")
+                if kind == "hello":
+                    if not message.hello.resumes:
+                        objects = {}
+                    continue
+                part = getattr(message, kind)
+                for state in part.objects:
+                    objects[state.brief.object_id, state.brief.generation] = state.brief
+                if kind == "delta":
+                    for key in part.evicted_objects:
+                        objects.pop((key.object_id, key.generation), None)
+                if part.last_part:
+                    yield message.stamp, dict(objects)
+        except grpc.RpcError as error:
+            raise ClearanceError(error.code(), error.details()) from None
+        finally:
+            call.cancel()
 
     def ingest(self, source_id="", max_range_m=0.0):
         """Opens a source's stream; see IngestStream."""

@@ -12,8 +12,8 @@ struct Named {
   Scene (*make)(uint64_t seed, int frame_count);
 };
 constexpr std::array kScenes = {Named{"crossing", MakeCrossing}, Named{"street", MakeStreet},
-                                Named{"orbit", MakeOrbit}, Named{"cubes", MakeCubes},
-                                Named{"hall", MakeHall}};
+                                Named{"orbit", MakeOrbit},       Named{"cubes", MakeCubes},
+                                Named{"hall", MakeHall},         Named{"parking", MakeParking}};
 
 }  // namespace
 

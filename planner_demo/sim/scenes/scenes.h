@@ -27,6 +27,8 @@ Scene MakeOrbit(uint64_t seed, int frame_count);
 Scene MakeCubes(uint64_t seed, int frame_count);
 // A lidar is carried through a hall with twelve walkers.
 Scene MakeHall(uint64_t seed, int frame_count);
+// One car parks, one that stood drives off, one stops and goes on, seen by a lidar.
+Scene MakeParking(uint64_t seed, int frame_count);
 // One analytic shape seen by a depth camera from several sides: plane, box, sphere, corner, pole.
 Scene MakeAnalytic(std::string_view shape, uint64_t seed, int frame_count);
 

@@ -1,0 +1,40 @@
+#include "server/engine/background_priority.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+
+namespace clearance {
+namespace {
+
+// A thread in the foreground gets three quarters of a core that it shares with one of ours, and is
+// run as soon as it wakes.
+constexpr int kSteps = 5;
+constexpr int kLowest = 19;
+
+void LowerThisThread() {
+  thread_local bool lowered = false;
+  if (lowered) return;
+  lowered = true;
+  const auto thread = static_cast<id_t>(gettid());  // Linux: a priority is a thread's own
+  errno = 0;
+  const int now = getpriority(PRIO_PROCESS, thread);
+  if (errno == 0) setpriority(PRIO_PROCESS, thread, std::min(now + kSteps, kLowest));
+}
+
+}  // namespace
+
+BackgroundPriority::BackgroundPriority() {
+  LowerThisThread();
+  observe(true);
+}
+
+BackgroundPriority::~BackgroundPriority() { observe(false); }
+
+void BackgroundPriority::on_scheduler_entry(bool is_worker) {
+  if (is_worker) LowerThisThread();
+}
+
+}  // namespace clearance
