@@ -5,6 +5,7 @@
 #include <fstream>
 #include <future>
 
+#include "absl/strings/str_format.h"
 #include "server/engine/map_registry.h"
 #include "server/store/log_segment.h"
 #include "tests/engine/ack_log.h"

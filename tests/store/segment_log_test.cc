@@ -108,7 +108,9 @@ TEST_F(SegmentLogTest, EveryCutOfTheLastSegmentLosesTheCutRecordsAlone) {
     Fill(*log, *read + 1, *read + 2);
     EXPECT_EQ(*Read(*log), *read + 2);
     for (const std::string& segment : Segments()) {
-      if (segment > last) ASSERT_TRUE(RemoveAll(segment).ok());
+      if (segment > last) {
+        ASSERT_TRUE(RemoveAll(segment).ok());
+      }
     }
   }
   EXPECT_EQ(least, 12u);
@@ -255,7 +257,9 @@ TEST_F(SegmentLogTest, EveryPolicyKeepsTheRecords) {
       });
       Fill(**log, 1, 30);
       other.join();
-      if (sync == SyncPolicy::kEach) EXPECT_GE((*log)->Stats().syncs, 30u);
+      if (sync == SyncPolicy::kEach) {
+        EXPECT_GE((*log)->Stats().syncs, 30u);
+      }
     }
     auto log = SegmentLog::Open(path, kLineage, options);
     ASSERT_TRUE(log.ok());
