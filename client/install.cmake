@@ -13,8 +13,7 @@ install(TARGETS ${mirror_targets} EXPORT ClearanceMirrorTargets
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT sdk)
 
 set(include_root ${CMAKE_INSTALL_INCLUDEDIR}/clearance)
-install(FILES credentials.h distance_source.h esdf_client.h ingest_stream.h types.h watch.h
-query_stream.h types.h
+install(FILES credentials.h distance_source.h esdf_client.h ingest_stream.h query_stream.h types.h watch.h
         DESTINATION ${include_root}/client COMPONENT sdk)
 install(FILES mirror/mirror.h DESTINATION ${include_root}/client/mirror COMPONENT sdk)
 foreach(folder proto/wire server/core server/map server/query)

@@ -55,9 +55,8 @@ int Main(int argc, char** argv) {
       ->envname("CLEARANCE_TOKEN_FILE");
   if (const char* token = std::getenv("CLEARANCE_TOKEN")) context.credentials.token = token;
   for (const auto add :
-       {AddIngest, AddQuery, AddCheck, AddObjects, AddInfo, AddSlice, AddMesh, AddMesh,
-                         AddGrid, AddHealth, AddMap,
-        AddBench, AddWatch, AddSnapshot, AddTop, AddDoctor, AddDrain, AddVersion}) {
+       {AddIngest, AddQuery, AddCheck, AddObjects, AddInfo, AddSlice, AddMesh, AddGrid, AddHealth,
+        AddMap, AddBench, AddWatch, AddSnapshot, AddTop, AddDoctor, AddDrain, AddVersion}) {
     add(app, context);
   }
   for (CLI::App* command : app.get_subcommands({})) {

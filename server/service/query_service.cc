@@ -67,8 +67,8 @@ grpc::ServerWriteReactor<v1::GetRegionResponse>* QueryServiceImpl::GetRegion(
 }
 
 grpc::ServerBidiReactor<v1::QueryStreamRequest, v1::QueryStreamResponse>*
-QueryServiceImpl::QueryStream(grpc::CallbackServerContext*) {
-  return QueryStreamCall::Start(service_);
+QueryServiceImpl::QueryStream(grpc::CallbackServerContext* context) {
+  return QueryStreamCall::Start(service_, context);
 }
 
 }  // namespace clearance

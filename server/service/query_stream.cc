@@ -68,15 +68,16 @@ class StreamReply final : public Reply<Response> {
 
 }  // namespace
 
-QueryStreamCall::QueryStreamCall(ServiceContext* service) : service_(service) {
+QueryStreamCall::QueryStreamCall(ServiceContext* service, const grpc::ServerContextBase* context)
+    : service_(service), context_(context) {
   ++service_->open_streams;
 }
 
 QueryStreamCall::~QueryStreamCall() { --service_->open_streams; }
 
 grpc::ServerBidiReactor<v1::QueryStreamRequest, v1::QueryStreamResponse>* QueryStreamCall::Start(
-    ServiceContext* service) {
-  std::shared_ptr<QueryStreamCall> stream(new QueryStreamCall(service));
+    ServiceContext* service, const grpc::ServerContextBase* context) {
+  std::shared_ptr<QueryStreamCall> stream(new QueryStreamCall(service, context));
   stream->self_ = stream;
   stream->open_id_ = service->streams.Add([weak = std::weak_ptr<QueryStreamCall>(stream)] {
     if (const auto open = weak.lock()) open->EndForDrain();
@@ -104,27 +105,29 @@ void QueryStreamCall::OnReadDone(bool ok) {
 }
 
 void QueryStreamCall::Dispatch(const v1::QueryStreamRequest& request) {
-  const auto reply = [&]<typename Response>(const char* method,
-                                            Response* (v1::QueryStreamResponse::*slot)()) {
-    return std::make_shared<StreamReply<Response>>(shared_from_this(), request.tag(), method, slot);
-  };
   using Out = v1::QueryStreamResponse;
+  const auto ask = [&]<typename Request, typename Response>(
+                       const Request& asked, const char* method, Response* (Out::*slot)()) {
+    auto reply =
+        std::make_shared<StreamReply<Response>>(shared_from_this(), request.tag(), method, slot);
+    // The stream was let in with the right on some map; each request needs it on its own.
+    const absl::Status allowed =
+        service_->access->Check(*context_, Right::kRead, OnMap(asked.map()));
+    if (!allowed.ok()) return reply->Finish(allowed);
+    clearance::Start(service_, asked, reply);
+  };
   switch (request.request_case()) {
     case v1::QueryStreamRequest::kQueryPoints:
-      return clearance::Start(service_, request.query_points(),
-                              reply("QueryPoints", &Out::mutable_query_points));
+      return ask(request.query_points(), "QueryPoints", &Out::mutable_query_points);
     case v1::QueryStreamRequest::kCheckTrajectories:
-      return clearance::Start(service_, request.check_trajectories(),
-                              reply("CheckTrajectories", &Out::mutable_check_trajectories));
+      return ask(request.check_trajectories(), "CheckTrajectories",
+                 &Out::mutable_check_trajectories);
     case v1::QueryStreamRequest::kCheckSpheres:
-      return clearance::Start(service_, request.check_spheres(),
-                              reply("CheckSpheres", &Out::mutable_check_spheres));
+      return ask(request.check_spheres(), "CheckSpheres", &Out::mutable_check_spheres);
     case v1::QueryStreamRequest::kListObjects:
-      return clearance::Start(service_, request.list_objects(),
-                              reply("ListObjects", &Out::mutable_list_objects));
+      return ask(request.list_objects(), "ListObjects", &Out::mutable_list_objects);
     case v1::QueryStreamRequest::kGetSlice:
-      return clearance::Start(service_, request.get_slice(),
-                              reply("GetSlice", &Out::mutable_get_slice));
+      return ask(request.get_slice(), "GetSlice", &Out::mutable_get_slice);
     case v1::QueryStreamRequest::REQUEST_NOT_SET:
       break;
   }

@@ -22,7 +22,7 @@ class QueryStreamCall final
       public std::enable_shared_from_this<QueryStreamCall> {
  public:
   static grpc::ServerBidiReactor<v1::QueryStreamRequest, v1::QueryStreamResponse>* Start(
-      ServiceContext* service);
+      ServiceContext* service, const grpc::ServerContextBase* context);
   ~QueryStreamCall() override;
 
   void OnReadDone(bool ok) override;
@@ -39,7 +39,7 @@ class QueryStreamCall final
   void Forget(const void* owner);
 
  private:
-  explicit QueryStreamCall(ServiceContext* service);
+  QueryStreamCall(ServiceContext* service, const grpc::ServerContextBase* context);
 
   void Dispatch(const v1::QueryStreamRequest& request);
   void EndForDrain();
@@ -47,6 +47,7 @@ class QueryStreamCall final
   void Advance();
 
   ServiceContext* const service_;
+  const grpc::ServerContextBase* const context_;  // until OnDone
   const std::chrono::steady_clock::time_point started_at_ = std::chrono::steady_clock::now();
   std::shared_ptr<QueryStreamCall> self_;
   uint64_t open_id_ = 0;
