@@ -8,6 +8,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/string_view.h"
 
 namespace clearance {
 namespace {
@@ -20,8 +21,8 @@ std::string TokenOf(const grpc::ServerContextBase& context) {
   const auto& metadata = context.client_metadata();
   const auto it = metadata.find("authorization");
   if (it == metadata.end()) return "";
-  const std::string_view value(it->second.data(), it->second.size());
-  constexpr std::string_view kBearer = "bearer ";
+  const absl::string_view value(it->second.data(), it->second.size());
+  constexpr absl::string_view kBearer = "bearer ";
   if (!absl::StartsWithIgnoreCase(value, kBearer)) return "";
   return std::string(value.substr(kBearer.size()));
 }
@@ -31,7 +32,7 @@ std::vector<std::string> CertificateNamesOf(const grpc::ServerContextBase& conte
   const auto auth = context.auth_context();
   if (!auth || !auth->IsPeerAuthenticated()) return names;
   for (const char* property : {"x509_subject_alternative_name", "x509_common_name"}) {
-    for (const grpc::string_ref value : auth->FindPropertyValues(property)) {
+    for (const grpc::string_ref& value : auth->FindPropertyValues(property)) {
       names.emplace_back(value.data(), value.size());
     }
   }
