@@ -30,7 +30,7 @@ void Count(const Part& part, WatchEvent* event) {
 
 absl::Status WatchMap(const ClientOptions& client, const WatchOptions& options,
                       const WatchCallback& callback) {
-  const auto channel = OpenChannel(client.address, client.connect_timeout);
+  const auto channel = OpenChannel(client.address, client.credentials, client.connect_timeout);
   if (!channel.ok()) return channel.status();
   v1::WatchMapRequest request;
   request.set_map(options.map.empty() ? client.map : options.map);
