@@ -107,7 +107,7 @@ absl::StatusOr<MapUpdate> FrameIntegrator::Integrate(const Frame& frame, const W
                     options_.min_object_points, map, update.violations);
   laps.Lap("split");
   if (!split.empty()) {
-    const RangeImage image = MakeRangeImage(frame, max_range_m, config.voxel_size_m);
+    RangeImage image = MakeRangeImage(frame, max_range_m, config.voxel_size_m);
     const LocalVoxels static_voxels = GatherVoxels(
         split.points_X, WithoutLabelRims(image, split.points_X, std::move(split.static_points)),
         frame.T_W_X, config.voxel_size_m);

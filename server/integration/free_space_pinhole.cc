@@ -18,6 +18,8 @@ constexpr float kProbableMarginVoxels = 0.5f;
 constexpr float kBeyondVoxels = 0.5f;
 // The same where the stored surface has no direction.
 constexpr float kBeyondUnknownVoxels = 2.f;
+// A point so far outside the image still counts, in voxels.
+constexpr float kAsideVoxels = 0.4f;
 
 // Voxel by voxel: the centre pixel for probable, all pixels around for confident.
 class VoxelTests {
@@ -159,19 +161,32 @@ class Contradictions {
     const VoxelIndex own = VoxelAt(out.block, offset);
     const VoxelIndex site = own + SurfaceStep(stored.mean(offset) / h, normal_W);
     if (returns_.Has(own) || returns_.Has(site)) return;
-    Set(out.contradicted, offset);
     const bool has_normal = in == 0.f || !normal_W.isZero();
-    if (IsRefuted(map_, own, site, has_normal, rays)) Set(out.refuted, offset);
+    Set(out.contradicted, offset);
+    if (IsRefuted(map_, own, site, has_normal ? rays : 0, has_normal ? 0 : rays)) {
+      Set(out.refuted, offset);
+    }
+  }
+
+  // The pixel at a coordinate, or the one at the image's border where that is no farther than
+  // `aside`: what is half out of sight is seen there. -1 elsewhere.
+  static int Inside(float at, float aside, int size) {
+    const float last = static_cast<float>(size - 1);
+    if (!(at > -0.5f - aside && at < last + 0.5f + aside)) return -1;
+    return static_cast<int>(std::lround(std::clamp(at, 0.f, last)));
   }
 
   // Of the pixel that sees a point and its four neighbours, how many return from `room` beyond it;
   // 0 where the pixel itself does not.
   int RaysBeyond(const Eigen::Vector3f& p_X, float room) const {
     const RangeImage& image = view_.image();
-    const auto seen = image.Project(p_X);
-    if (!seen) return 0;
-    const int u = static_cast<int>(std::lround(seen->u)),
-              v = static_cast<int>(std::lround(seen->v));
+    if (!(p_X.z() > 0)) return 0;
+    const float fx = image.fx() / p_X.z(), fy = image.fy() / p_X.z();
+    const int u =
+        Inside(p_X.x() * fx + image.cx(), kAsideVoxels * view_.voxel_size_m() * fx, image.width());
+    const int v =
+        Inside(p_X.y() * fy + image.cy(), kAsideVoxels * view_.voxel_size_m() * fy, image.height());
+    if (u < 0 || v < 0) return 0;
     const float beyond = p_X.z() + room;
     if (image.measure(u, v) < beyond) return 0;
     int rays = 1;

@@ -18,9 +18,11 @@ constexpr int kRowsAtOnce = 2;  // of the image, a task
 constexpr float kStopVoxels = 0.25f;
 // A ray refutes stored surface when its return lies this far beyond the cube, in voxels.
 constexpr float kBeyondVoxels = 1.f;
-// The same where the stored surface has no direction; and how near to the centre the ray must pass.
-constexpr float kBeyondUnknownVoxels = 2.f;
-constexpr float kMiddleVoxels = 0.5f;
+// A ray that comes through the cube and out behind the stored plane only later casts doubt: the
+// surface may end within the cube. So far on it has to be behind the plane, in voxels, ...
+constexpr float kDoubtAheadVoxels = 1.f;
+// ... and so far it has to go on at least.
+constexpr float kDoubtBeyondVoxels = 2.f;
 
 // One ray in units of voxels, from the sensor, relative to the block that holds the sensor.
 struct Ray {
@@ -92,27 +94,27 @@ class RaySpace {
       RayCounts::Block& block = counts.At(BlockOf(at));
       const int offset = OffsetOf(at);
       block.Pass(offset);
-      if (Test(block.held, offset) && ray.length >= leave + kBeyondVoxels &&
-          Penetrates(block.stored, offset, at, ray, enter, leave)) {
-        block.Refute(offset);
+      if (Test(block.held, offset) && ray.length >= leave + kBeyondVoxels) {
+        Contradict(block, offset, at, ray, enter, leave);
       }
     });
   }
 
-  // Whether the ray is, within the cube, clearly behind the plane stored there.
-  bool Penetrates(StoredSurface& stored, int offset, const VoxelIndex& at, const Ray& ray,
+  // Refuted: the ray is, within the cube, clearly behind the plane stored there.
+  void Contradict(RayCounts::Block& block, int offset, const VoxelIndex& at, const Ray& ray,
                   float enter, float leave) const {
-    const Eigen::Vector3f normal = stored.Normal(offset);
+    const Eigen::Vector3f normal = block.stored.Normal(offset);
+    if (normal.isZero()) return block.Doubt(offset);  // which side is which is unknown
     const Eigen::Vector3f from_centre =
         ray.origin - at.cast<float>() - Eigen::Vector3f::Constant(0.5f);
-    if (normal.isZero()) {
-      // Which side is which is unknown: the ray has to pass the middle of the cube.
-      return ray.length >= leave + kBeyondUnknownVoxels &&
-             from_centre.cross(ray.direction).squaredNorm() < kMiddleVoxels * kMiddleVoxels;
-    }
-    const float at_origin = stored.mean(offset) * inverse_h_ + normal.dot(from_centre);
+    const float at_origin = block.stored.mean(offset) * inverse_h_ + normal.dot(from_centre);
     const float slope = normal.dot(ray.direction);
-    return at_origin + std::min(enter * slope, leave * slope) < -kPenetrationVoxels;
+    if (at_origin + std::min(enter * slope, leave * slope) < -kPenetrationVoxels) {
+      block.Refute(offset);
+    } else if (ray.length >= leave + kDoubtBeyondVoxels &&
+               at_origin + (leave + kDoubtAheadVoxels) * slope < -kPenetrationVoxels) {
+      block.Doubt(offset);
+    }
   }
 
   const RangeImage& image_;
@@ -163,9 +165,10 @@ std::vector<FreeBlock> ObserveFreeSpaceRays(const RangeImage& image, const Pose&
       if (!normal.isZero()) {
         rays += RayCounts::Passed(counts, own + SurfaceStep(mean + kInsideVoxels, normal));
       }
-      if (rays == 0 || returns.Has(own) || returns.Has(site)) continue;
+      const int doubts = sum.doubted[o];
+      if (rays + doubts == 0 || returns.Has(own) || returns.Has(site)) continue;
       Set(free.contradicted, o);
-      if (IsRefuted(static_map, own, site, !normal.isZero(), rays)) Set(free.refuted, o);
+      if (IsRefuted(static_map, own, site, rays, doubts)) Set(free.refuted, o);
     }
     view.ObserveConfident(free);
     if (sum.stored.empty()) return;

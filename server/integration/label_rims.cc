@@ -46,7 +46,7 @@ std::vector<uint8_t> RimPixels(const RangeImage& image, int reach, float reach_m
 
 }  // namespace
 
-std::vector<uint32_t> WithoutLabelRims(const RangeImage& image, const Eigen::Matrix3Xf& points_X,
+std::vector<uint32_t> WithoutLabelRims(RangeImage& image, const Eigen::Matrix3Xf& points_X,
                                        std::vector<uint32_t> static_points,
                                        const RimOptions& options) {
   if (!image.has_labels()) return static_points;
@@ -58,6 +58,9 @@ std::vector<uint32_t> WithoutLabelRims(const RangeImage& image, const Eigen::Mat
   if (image.is_pinhole()) {  // columns are pixels
     std::erase_if(static_points, [&](uint32_t i) { return rim[i] != 0; });
     return static_points;
+  }
+  for (size_t pixel = 0; pixel < rim.size(); ++pixel) {
+    if (rim[pixel]) image.set_label(pixel, kRimLabel);
   }
   constexpr uint32_t kDropped = UINT32_MAX;
   tbb::parallel_for(tbb::blocked_range<size_t>(0, static_points.size(), 1 << 14),

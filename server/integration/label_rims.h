@@ -16,11 +16,15 @@ struct RimOptions {
   double reach_m = 1.0;   // farther from the object's return, a neighbour is something else
 };
 
+// The label of rim pixels: no map's, so that no gap is bridged from them either.
+inline constexpr uint16_t kRimLabel = 0xffff;
+
 // `static_points` (columns of points_X, in X, both as SplitByLabel gives them) without those in the
 // rim of an object: left out of the static map, they cannot leave a trail of the object there.
 // Their rays still are evidence for free space; what is static is seen again when the object has
-// moved on. Order is kept.
-std::vector<uint32_t> WithoutLabelRims(const RangeImage& image, const Eigen::Matrix3Xf& points_X,
+// moved on. Order is kept. Their
+// pixels in `image` get kRimLabel.
+std::vector<uint32_t> WithoutLabelRims(RangeImage& image, const Eigen::Matrix3Xf& points_X,
                                        std::vector<uint32_t> static_points,
                                        const RimOptions& options = {});
 

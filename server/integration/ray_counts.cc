@@ -56,6 +56,7 @@ RayCounts::Block RayCounts::Sum(const std::vector<const RayCounts*>& threads,
     for (int o = 0; o < kBlockVoxels; ++o) {
       sum.passed[o] = static_cast<uint8_t>(std::min(255, sum.passed[o] + part.passed[o]));
       sum.refuted[o] = static_cast<uint8_t>(std::min(255, sum.refuted[o] + part.refuted[o]));
+      sum.doubted[o] = static_cast<uint8_t>(std::min(255, sum.doubted[o] + part.doubted[o]));
     }
     sum.held = part.held;
     sum.stored = part.stored;

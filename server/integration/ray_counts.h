@@ -20,10 +20,13 @@ class RayCounts {
   struct Block {
     std::array<uint8_t, kBlockVoxels> passed{};   // rays that went through, saturating
     std::array<uint8_t, kBlockVoxels> refuted{};  // of them, rays that were behind stored surface
-    BlockMask held{};                             // voxels that hold stored surface
+    std::array<uint8_t, kBlockVoxels>
+        doubted{};     // and rays that stored surface should have stopped
+    BlockMask held{};  // voxels that hold stored surface
     StoredSurface stored;
 
     void Pass(int offset) { passed[offset] += passed[offset] < 255; }
+    void Doubt(int offset) { doubted[offset] += doubted[offset] < 255; }
     void Refute(int offset) { refuted[offset] += refuted[offset] < 255; }
   };
 

@@ -9,7 +9,8 @@ namespace {
 constexpr float kHeldVoxels = 0.9f;
 constexpr float kMaxJumpVoxels = 1.5f;
 constexpr float kMinSlope = 0.6f;  // of a mean that is a distance: 1
-constexpr int kVotesWithoutNormal = 3;
+constexpr int kVotesAFrame = 3;
+constexpr float kSlightWeight = 1.f;  // at most one good look
 constexpr int kStride[3] = {64, 8, 1};
 
 }  // namespace
@@ -68,10 +69,14 @@ Eigen::Vector3f StoredSurface::Normal(int offset) {
   return gradient / length;
 }
 
-bool IsRefuted(const SurfaceMap& map, const VoxelIndex& own, const VoxelIndex& site,
-               bool has_normal, int rays) {
-  const int votes = map.EvidenceAt(own).contradicted + std::min(rays, kVotesWithoutNormal);
-  return (has_normal || votes >= kVotesWithoutNormal) && 2 * votes > map.EvidenceAt(site).returns;
+bool IsRefuted(const SurfaceMap& map, const VoxelIndex& own, const VoxelIndex& site, int rays,
+               int doubts) {
+  const int before = map.EvidenceAt(own).contradicted, returns = map.EvidenceAt(site).returns;
+  const int now = std::min(rays + doubts, kVotesAFrame);
+  const float* weight = map.WeightBlock(BlockOf(own));
+  const bool slight = returns == 0 && weight && weight[OffsetOf(own)] < kSlightWeight;
+  const bool sure = rays > 0 || now == kVotesAFrame || before > 0 || slight;
+  return sure && 2 * (before + now) > returns;
 }
 
 }  // namespace clearance

@@ -58,10 +58,13 @@ inline VoxelIndex SurfaceStep(float mean_voxels, const Eigen::Vector3f& normal) 
 
 // Whether contradicted surface goes at once, or waits for more. Each frame in a row without a
 // return is a vote, and each ray of this frame, up to three: surface that returned rays in many
-// frames needs half as many votes, and surface without a direction (clutter: bushes, rims of badly
-// labelled objects) three at least. `own` holds the band, `site` the surface (SurfaceStep away).
-bool IsRefuted(const SurfaceMap& map, const VoxelIndex& own, const VoxelIndex& site,
-               bool has_normal, int rays);
+// frames needs half as many votes. `rays` of this frame were surely behind the surface; `doubts`
+// went through clutter without a direction, or came out behind the surface later and may have
+// passed beside: they count when there are three, when there were some before, or where no
+// ray ever returned and one frame at most spoke for the surface. `own` holds the band, `site` the
+// surface (SurfaceStep away).
+bool IsRefuted(const SurfaceMap& map, const VoxelIndex& own, const VoxelIndex& site, int rays,
+               int doubts);
 
 // How far a ray has to be behind the stored plane to contradict it, in voxels.
 inline constexpr float kPenetrationVoxels = 0.5f;

@@ -56,6 +56,10 @@ std::vector<BlockWork> GatherWork(const SurfaceUpdate& update) {
 }
 
 constexpr float kHalfDiagonalVoxels = 0.9f;
+// An observation of less weight lies a voxel or more from what was measured, ...
+constexpr float kGuessWeight = 0.4f;
+// ... and does not overrule rays that went through the voxel in so many frames.
+constexpr uint8_t kFreeAgainstGuess = 3;
 
 uint8_t Increment(uint8_t count) { return count < kSaturatedFrames ? count + 1 : count; }
 
@@ -131,10 +135,17 @@ class BlockFuser {
     evidence_[o] = e.Pack();
   }
 
+  bool OverruledByRays(int o) const {
+    if (weight_[o] >= kGuessWeight) return false;
+    const FreeEvidence e = FreeEvidence::Unpack(evidence_[o]);
+    return e.returns == 0 && e.probable >= kFreeAgainstGuess;
+  }
+
   void FuseBand(BlockWork& w) const {
     for (uint32_t i = w.band->begin; i < w.band->end; ++i) {
       const int o = update_.band.offset[i];
       const float d = update_.band.distance_m[i], weight = update_.band.weight[i];
+      if (w.evidence && weight < kGuessWeight && OverruledByRays(o)) continue;
       // Eq. (5): running weighted mean; the cap keeps old surface movable.
       mean_[o] = (weight_[o] * mean_[o] + weight * d) / (weight_[o] + weight);
       weight_[o] = std::min(weight_[o] + weight, options_.max_weight);

@@ -128,6 +128,29 @@ TEST(SurfaceMap, RefutedSurfaceVanishesHoweverOftenItWasSeenAndContradictedSurfa
   EXPECT_EQ(WeightAt(map, {-1, -1, -1}), 0);
 }
 
+TEST(SurfaceMap, GuessesBesideASurfaceDoNotOverruleRaysThatWentThrough) {
+  SurfaceMap map(0.1);
+  SurfaceUpdate free;
+  free.free.push_back({BlockIndex{-1, 0, 0}, {}, {}, {}});
+  Set(free.free[0].probable, OffsetOf({-2, 3, 1}));
+  SurfaceUpdate guess, sight, near;
+  guess.band = BandOf({{{-2, 3, 1}, {0.03f, 0.36f}}, {{-2, 3, 2}, {0.03f, 0.36f}}});
+  sight.band = BandOf({{{-2, 3, 1}, {0.03f, 0.8f}}});
+  map.Apply(free, {});
+  map.Apply(free, {});
+  map.Apply(guess, {});
+  EXPECT_GT(WeightAt(map, {-2, 3, 1}), 0) << "two frames are not enough";
+  SurfaceMap again(0.1);
+  for (int i = 0; i < 3; ++i) again.Apply(free, {});
+  for (int i = 0; i < 4; ++i) again.Apply(guess, {});
+  EXPECT_EQ(WeightAt(again, {-2, 3, 1}), 0);
+  EXPECT_GT(WeightAt(again, {-2, 3, 2}), 0) << "no ray went through this one";
+  again.Apply(sight, {});
+  EXPECT_FLOAT_EQ(WeightAt(again, {-2, 3, 1}), 0.8f) << "what was measured nearby counts";
+  again.Apply(guess, {});
+  EXPECT_GT(WeightAt(again, {-2, 3, 1}), 0.8f) << "and guesses add to it";
+}
+
 TEST(SurfaceMap, WholeFreeBlocksCollapseToATileAndReportChangesOnlyWhenTheirStateChanges) {
   SurfaceMap map(0.1);
   SurfaceUpdate free;
