@@ -19,7 +19,9 @@ TEST(WireCompression, GivesBackWhatWasPacked) {
       const Payload payload = PackPayload(bytes);
       EXPECT_EQ(payload.payload_bytes, size);
       EXPECT_LE(payload.bytes.size(), size);
-      if (repetitive && size >= 5000) EXPECT_LT(payload.bytes.size(), size / 2);
+      if (repetitive && size >= 5000) {
+        EXPECT_LT(payload.bytes.size(), size / 2);
+      }
       const auto unpacked =
           UnpackPayload(payload.bytes, payload.compression, payload.payload_bytes, "p");
       ASSERT_TRUE(unpacked.ok()) << unpacked.status();

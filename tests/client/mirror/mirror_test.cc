@@ -222,7 +222,9 @@ TEST_F(MirrorTest, HoldsOnlyTheBlocksOfItsBounds) {
     if (!options.bounds->intersects(Aabb(low, low.array() + side_m))) continue;
     ASSERT_EQ(d.before == nullptr, d.after == nullptr);
     EXPECT_EQ(d.tile_before, d.tile_after);
-    if (d.after) EXPECT_EQ(d.before->voxels, d.after->voxels);
+    if (d.after) {
+      EXPECT_EQ(d.before->voxels, d.after->voxels);
+    }
   }
   ASSERT_EQ(view->objects.size(), newest->objects.size());
 }
