@@ -2,6 +2,7 @@
 #include <numbers>
 
 #include "planner_demo/sim/bodies.h"
+#include "planner_demo/sim/scenes/crossing_town.h"
 #include "planner_demo/sim/scenes/scenes.h"
 #include "planner_demo/sim/traffic.h"
 
@@ -9,54 +10,9 @@ namespace clearance::sim {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kRoadHalfWidth = 4.5;
-constexpr double kLane = 2.0;  // a lane's centre, from the middle of the road; traffic keeps right
-constexpr double kKerbHeight = 0.15;
-constexpr double kApproach = 60.0;  // paths start so far from the middle of the crossing
 constexpr int kVehicles = 10;
 constexpr int kTurning = 3;  // of these
 constexpr int kPedestrians = 2;
-
-Eigen::Isometry3d QuarterTurns(int count) {
-  return Upright(Eigen::Vector3d::Zero(), count * kPi / 2.0);
-}
-
-void AddSurroundings(Random& random, Scene& scene) {
-  auto& solids = scene.static_solids;
-  const auto add = [&solids](const std::vector<Solid>& more) {
-    solids.insert(solids.end(), more.begin(), more.end());
-  };
-  solids.push_back(MakeBox({-150.0, -150.0, -1.0}, {150.0, 150.0, 0.0}));
-  for (int corner = 0; corner < 4; ++corner) {
-    std::vector<Solid> quarter;
-    const auto put = [&quarter](const std::vector<Solid>& more) {
-      quarter.insert(quarter.end(), more.begin(), more.end());
-    };
-    const double side = 70.0;
-    quarter.push_back(MakeBox({kRoadHalfWidth, kRoadHalfWidth, -0.5}, {side, side, kKerbHeight}));
-    // Buildings along both roads, set back, with gaps between them.
-    for (const bool along_x : {true, false}) {
-      double from = along_x ? random.Uniform(11.0, 13.0) : random.Uniform(24.0, 27.0);
-      while (from < 60.0) {
-        const double to = from + random.Uniform(8.0, 16.0);
-        const double front = random.Uniform(10.5, 12.5);
-        const double back = front + random.Uniform(7.0, 10.0);
-        const double height = random.Uniform(6.0, 12.0);
-        quarter.push_back(along_x ? MakeBox({from, front, 0.0}, {to, back, height})
-                                  : MakeBox({front, from, 0.0}, {back, to, height}));
-        from = to + random.Uniform(1.0, 4.0);
-      }
-    }
-    for (double at = 16.0; at < 60.0; at += random.Uniform(9.0, 14.0)) {
-      put(MakeTree({at, 7.0, kKerbHeight}, random));
-      put(MakeTree({7.0, at + 3.0, kKerbHeight}, random));
-    }
-    put(MakeLamp({5.2, 9.5, kKerbHeight}));
-    quarter.push_back(MakeUprightCylinder({9.5, 5.2, kKerbHeight}, 0.1, 3.2));
-    quarter.push_back(MakeBox({9.2, 4.9, 2.6}, {9.8, 5.5, 3.4}));
-    add(Placed(quarter, QuarterTurns(corner)));
-  }
-}
 
 // The path of a vehicle that comes from the west (heading +x) and goes straight on, right or left.
 Path Route(int turn, int approach) {
@@ -64,11 +20,11 @@ Path Route(int turn, int approach) {
   if (turn != 0) {
     // Turn radii that lead from lane to lane past the kerb's corner.
     const double radius = turn > 0 ? 8.0 : 5.0;
-    const double begins = turn > 0 ? kLane - radius : -kLane - radius;
-    path.stretches = {{kApproach + begins, 0.0}, {radius * kPi / 2.0, turn / radius}};
+    const double begins = turn > 0 ? kLane_m - radius : -kLane_m - radius;
+    path.stretches = {{kApproach_m + begins, 0.0}, {radius * kPi / 2.0, turn / radius}};
   }
   const Eigen::Isometry3d T = QuarterTurns(approach);
-  path.start_W = T * Eigen::Vector3d(-kApproach, -kLane, 0.0);
+  path.start_W = T * Eigen::Vector3d(-kApproach_m, -kLane_m, 0.0);
   path.start_heading_rad = approach * kPi / 2.0;
   return path;
 }
@@ -83,7 +39,7 @@ void AddVehicles(Random& random, double duration_s, Traffic& traffic) {
     if (turn != 0) {
       path.start_offset_m = random.Uniform(15.0, 50.0);
     } else {
-      path.start_offset_m = random.Uniform(0.0, 1.0) < 0.7 ? random.Uniform(0.0, kApproach)
+      path.start_offset_m = random.Uniform(0.0, 1.0) < 0.7 ? random.Uniform(0.0, kApproach_m)
                                                            : random.Uniform(-60.0, 0.0);
     }
     path.speeds = {{0.0, speed}};
@@ -103,7 +59,7 @@ void AddPedestrians(Random& random, Traffic& traffic) {
     const int corner = random.Index(4);
     const bool inward = random.Index(2) == 1;
     const double from = inward ? random.Uniform(28.0, 40.0) : random.Uniform(6.0, 12.0);
-    path.start_W = QuarterTurns(corner) * Eigen::Vector3d(from, 8.8, kKerbHeight);
+    path.start_W = QuarterTurns(corner) * Eigen::Vector3d(from, 8.8, kKerbHeight_m);
     path.start_heading_rad = corner * kPi / 2.0 + (inward ? kPi : 0.0);
     path.speeds = {{0.0, random.Uniform(1.0, 1.6)}};
     const auto pose = [path](double time_s) { return path.PoseAt(time_s); };
@@ -127,7 +83,7 @@ Scene MakeCrossing(uint64_t seed, int frame_count) {
       Upright({random.Uniform(5.8, 6.6), random.Uniform(-6.8, -6.2), 1.33}, 0.8 * kPi) *
       Eigen::AngleAxisd(random.Uniform(-0.01, 0.01), Eigen::Vector3d::UnitX());
   scene.T_W_X = [eye](double) { return eye; };
-  AddSurroundings(random, scene);
+  AddCrossingTown(random, scene);
   const double duration_s = (scene.frame_count + scene.future_frames) / scene.rate_hz;
   Traffic traffic(scene, duration_s, 0.5, 1.0);
   AddVehicles(random, duration_s, traffic);

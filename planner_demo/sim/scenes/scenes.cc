@@ -11,9 +11,15 @@ struct Named {
   const char* name;
   Scene (*make)(uint64_t seed, int frame_count);
 };
-constexpr std::array kScenes = {Named{"crossing", MakeCrossing}, Named{"street", MakeStreet},
+constexpr std::array kScenes = {Named{"crossing", MakeCrossing},
+                                Named{"street", MakeStreet},
                                 Named{"orbit", MakeOrbit},       Named{"cubes", MakeCubes},
                                 Named{"hall", MakeHall},         Named{"parking", MakeParking}};
+MakeOrbit},
+                                Named{"cubes", MakeCubes},
+                                Named{"hall", MakeHall},
+                                Named{"busy_crossing", MakeBusyCrossing},
+                                Named{"busy_street", MakeBusyStreet}};
 
 }  // namespace
 

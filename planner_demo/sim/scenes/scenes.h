@@ -19,6 +19,10 @@ std::optional<Scene> MakeScene(std::string_view name, uint64_t seed, int frame_c
 
 // A four-way crossing: ten vehicles at 5 to 12 m/s and two pedestrians; a lidar stands at the kerb.
 Scene MakeCrossing(uint64_t seed, int frame_count);
+// The same town for planners: traffic that keeps coming, turns, brakes, stops and starts.
+Scene MakeBusyCrossing(uint64_t seed, int frame_count);
+// A street with traffic both ways between parked cars, in the same manner.
+Scene MakeBusyStreet(uint64_t seed, int frame_count);
 // A depth camera drives down a street with parked and moving vehicles.
 Scene MakeStreet(uint64_t seed, int frame_count);
 // A depth camera flies around one moving car.

@@ -4,6 +4,7 @@
 
 #include "planner_demo/sim/bodies.h"
 #include "planner_demo/sim/scenes/scenes.h"
+#include "planner_demo/sim/scenes/street_town.h"
 #include "planner_demo/sim/traffic.h"
 
 namespace clearance::sim {
@@ -16,7 +17,9 @@ constexpr double kPavement = 6.6;   // its kerb
 constexpr double kSideFrom = 22.0;  // the side street, on the left
 constexpr double kSideTo = 34.0;
 
-void AddSurroundings(Random& random, double end_m, Scene& scene) {
+}  // namespace
+
+void AddStreetSurroundings(Random& random, double end_m, Scene& scene) {
   auto& solids = scene.static_solids;
   const auto add = [&solids](const std::vector<Solid>& more) {
     solids.insert(solids.end(), more.begin(), more.end());
@@ -58,6 +61,8 @@ void AddSurroundings(Random& random, double end_m, Scene& scene) {
     }
   }
 }
+
+namespace {
 
 Path Straight(double x, double lane, double heading_rad, double speed_mps) {
   Path path;
@@ -111,7 +116,7 @@ Scene MakeStreet(uint64_t seed, int frame_count) {
     return LookAt(eye, eye + Eigen::Vector3d(10.0, 0.15 * std::sin(0.9 * time_s + sway), -0.25));
   };
   const double duration_s = (scene.frame_count + scene.future_frames) / scene.rate_hz;
-  AddSurroundings(random, std::max(146.0, kSpeed * duration_s + 60.0), scene);
+  AddStreetSurroundings(random, std::max(146.0, kSpeed * duration_s + 60.0), scene);
   Traffic traffic(scene, duration_s, 0.3, 1.0);
   AddVehicles(random, traffic);
   return scene;
