@@ -399,6 +399,7 @@ void MappingEngine::RelieveMemory() {
     if (eviction) record.eviction = *eviction;
     if (eviction && AppendToLog(record).ok()) {
       model_->Evict(*eviction);
+      malloc_trim(0);
       Publish(false);
       MapSizes sizes = model_->Sizes();
       {

@@ -17,6 +17,8 @@ SourceLedger& LedgerOf(MapState& state, const std::string& source, size_t window
 void Settle(MapState& state, const std::string& source, uint64_t frame_id,
             std::optional<int64_t> stamp_ns, FrameAck::Status status, size_t window) {
   SourceLedger& ledger = LedgerOf(state, source, window);
+  // A rejection that was logged late may be in the snapshot already.
+  if (ledger.Judge(frame_id, INT64_MAX).kind != SourceLedger::Judgement::Kind::kNew) return;
   ledger.Admit(frame_id, stamp_ns);
   FrameAck ack;
   ack.frame_id = frame_id;

@@ -91,6 +91,7 @@ absl::StatusOr<std::string> WriteVdb(const openvdb::GridCPtrVec& grids) try {
 absl::StatusOr<openvdb::GridPtrVec> ReadVdb(std::string bytes) try {
   openvdb::initialize();
   std::istringstream in(std::move(bytes), std::ios::binary);
+  in.exceptions(std::ios::failbit | std::ios::badbit);  // OpenVDB does not look
   return *openvdb::io::Stream(in, /*delayLoad=*/false).getGrids();
 } catch (const std::exception& error) {
   return absl::DataLossError(absl::StrFormat("reading the .vdb file failed: %s", error.what()));

@@ -140,7 +140,8 @@ absl::Status SegmentLog::CutAt(uint64_t first_index, uint64_t valid_bytes, uint6
 }
 
 absl::Status SegmentLog::StartSegment(uint64_t first_index) {
-  if (options_.sync != SyncPolicy::kOff) {
+  if (options_.sync != SyncPolicy::kOff && file_.fd() >= 0) {
+    dirty_ = true;  // a flusher that is at it may not be done yet
     if (absl::Status s = SyncLocked(); !s.ok()) return s;
   }
   const std::string path = PathOf(first_index);

@@ -202,7 +202,7 @@ class Run {
       if (!finished.ok()) Die(finished.ToString());
       reconnects_ += stream->reconnects();
       sent_ = next;
-      Edit(next);
+      if (static_cast<uint64_t>(next) > settled) Edit(next);
     }
   }
 

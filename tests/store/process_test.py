@@ -49,21 +49,25 @@ class Server:
 
     def start(self, *settings, wait=True):
         arguments = self.arguments + [a for s in settings for a in ("--set", s)]
-        self.process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                                        text=True)
+        with open(self.folder / "stderr", "w") as errors:
+            self.process = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=errors,
+                                            text=True)
         if wait:
             for line in self.process.stdout:
                 if line.startswith("ready"):
                     break
             else:
-                raise AssertionError(self.process.communicate()[1])
+                raise AssertionError(self.said())
         return self
+
+    def said(self):
+        return (self.folder / "stderr").read_text()
 
     def refuses(self, *settings):
         """Starts and ends by itself; (exit code, what it says)."""
         self.start(*settings, wait=False)
-        _, said = self.process.communicate(timeout=120)
-        return self.process.returncode, said
+        self.process.communicate(timeout=120)
+        return self.process.returncode, self.said()
 
     def kill(self):
         self.process.kill()
@@ -167,9 +171,7 @@ class ProcessTest(unittest.TestCase):
         server.start()
         with server.client() as client:
             self.assertEqual(client.map_info().stamp.revision, 5)
-        server.process.terminate()
-        _, said = server.process.communicate()
-        self.assertIn("cut off", said)
+        self.assertIn("cut off", server.said())
 
     def test_a_damaged_segment_is_refused_unless_told_otherwise(self):
         server = self.server("store.segment_bytes=20000").start()
