@@ -55,12 +55,12 @@ std::vector<uint32_t> WithoutLabelRims(RangeImage& image, const Eigen::Matrix3Xf
                         : static_cast<int>(std::ceil(options.rim_rad / image.pixel_rad()));
   const std::vector<uint8_t> rim = RimPixels(image, reach, static_cast<float>(options.reach_m));
   if (rim.empty()) return static_points;
+  for (size_t pixel = 0; pixel < rim.size(); ++pixel) {
+    if (rim[pixel]) image.set_label(pixel, kRimLabel);
+  }
   if (image.is_pinhole()) {  // columns are pixels
     std::erase_if(static_points, [&](uint32_t i) { return rim[i] != 0; });
     return static_points;
-  }
-  for (size_t pixel = 0; pixel < rim.size(); ++pixel) {
-    if (rim[pixel]) image.set_label(pixel, kRimLabel);
   }
   constexpr uint32_t kDropped = UINT32_MAX;
   tbb::parallel_for(tbb::blocked_range<size_t>(0, static_points.size(), 1 << 14),

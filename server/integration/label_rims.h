@@ -22,8 +22,8 @@ inline constexpr uint16_t kRimLabel = 0xffff;
 // `static_points` (columns of points_X, in X, both as SplitByLabel gives them) without those in the
 // rim of an object: left out of the static map, they cannot leave a trail of the object there.
 // Their rays still are evidence for free space; what is static is seen again when the object has
-// moved on. Order is kept. Their
-// pixels in `image` get kRimLabel.
+// moved on. Order is kept.
+// Their pixels in `image` get kRimLabel.
 std::vector<uint32_t> WithoutLabelRims(RangeImage& image, const Eigen::Matrix3Xf& points_X,
                                        std::vector<uint32_t> static_points,
                                        const RimOptions& options = {});

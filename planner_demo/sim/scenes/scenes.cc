@@ -13,11 +13,10 @@ struct Named {
 };
 constexpr std::array kScenes = {Named{"crossing", MakeCrossing},
                                 Named{"street", MakeStreet},
-                                Named{"orbit", MakeOrbit},       Named{"cubes", MakeCubes},
-                                Named{"hall", MakeHall},         Named{"parking", MakeParking}};
-MakeOrbit},
+                                Named{"orbit", MakeOrbit},
                                 Named{"cubes", MakeCubes},
                                 Named{"hall", MakeHall},
+                                Named{"parking", MakeParking},
                                 Named{"busy_crossing", MakeBusyCrossing},
                                 Named{"busy_street", MakeBusyStreet}};
 
