@@ -115,7 +115,7 @@ void Mirror::Follower::Pause(absl::Duration backoff) {
 
 absl::Status Mirror::Follower::Watch(bool* progress) {
   if (channel_ == nullptr) {
-    auto channel = OpenChannel(options_.client.address,
+    auto channel = OpenChannel(options_.client.address, options_.client.credentials,
                                std::min(options_.client.connect_timeout, kConnectAttempt));
     if (!channel.ok()) return channel.status();
     channel_ = *std::move(channel);

@@ -238,9 +238,9 @@ TEST(SurfaceMap, ObservedMasksSayWhereBandAndEvidenceAre) {
             const int h = HaloOffset(x, y, z), o = OffsetOf({x, y, z});
             const BlockIndex b = BlockOf({x, y, z});
             const BlockMask& mask = observed.any[(b.x + 1) * 9 + (b.y + 1) * 3 + b.z + 1];
-            ASSERT_EQ(Test(mask, o), evidence[h] != 0 || weight[h] > 0) << step;
+            ASSERT_EQ(clearance::Test(mask, o), evidence[h] != 0 || weight[h] > 0) << step;
             if (b != BlockIndex{}) continue;
-            ASSERT_EQ(Test(observed.band, o), weight[h] > 0) << step;
+            ASSERT_EQ(clearance::Test(observed.band, o), weight[h] > 0) << step;
             ASSERT_EQ(own[o], evidence[h]) << step;
           }
         }
