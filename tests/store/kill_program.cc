@@ -128,7 +128,7 @@ class Run {
 
   // Until it serves; what was acknowledged before must be there.
   void AwaitServer(uint64_t at_least) {
-    const auto channel = client::OpenChannel(socket_, absl::Seconds(60));
+    const auto channel = client::OpenChannel(socket_, {}, absl::Seconds(60));
     if (!channel.ok()) Die("the server does not come back: " + LogText());
     const auto stub = v1::MapService::NewStub(*channel);
     for (int attempt = 0; attempt < 600; ++attempt) {
