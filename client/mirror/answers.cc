@@ -47,11 +47,12 @@ MapStamp MapStampOf(const MapView& view) {
 }
 
 absl::StatusOr<DistanceAnswers> AnswerDistances(const MapView& view,
-                                                const Eigen::Matrix3Xd& points_W,
-                                                double horizon_s) {
+                                                const Eigen::Matrix3Xd& points_W, double horizon_s,
+                                                const std::vector<float>& horizons_s) {
   if (absl::Status s = CheckPoints(points_W); !s.ok()) return s;
   clearance::QueryOptions options;
   options.horizon_s = horizon_s;
+  options.horizons_s = horizons_s;
   options.gradients = true;
   options.objects = true;
   options.now = std::chrono::steady_clock::now();

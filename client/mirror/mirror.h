@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -72,6 +73,17 @@ class Mirror final : public DistanceSource {
   // As DistanceSource; UNAVAILABLE (with the reason) as long as there is no view.
   absl::StatusOr<DistanceAnswers> Distances(const Eigen::Matrix3Xd& points_W,
                                             double horizon_s) const override;
+  absl::StatusOr<DistanceAnswers> Distances(const Eigen::Matrix3Xd& points_W,
+                                            const std::vector<float>& horizons_s) const override;
+  // Of the options, map and pin_id are the server's alone: NOT_FOUND for a pin.
+  absl::StatusOr<TrajectoryAnswers> CheckTrajectories(const std::vector<Sphere>& spheres,
+                                                      const std::vector<Trajectory>& trajectories,
+                                                      const CheckOptions& options) const override;
+  absl::StatusOr<SphereAnswers> CheckSpheres(const std::vector<Sphere>& spheres,
+                                             const std::vector<Pose>& T_W_R,
+                                             const std::vector<double>& times_s,
+                                             const CheckOptions& options) const override;
+  absl::StatusOr<MapStamp> Stamp() const override;
 
   // DEADLINE_EXCEEDED, naming what is there and the last error.
   absl::Status WaitUntilReady(absl::Duration timeout) const;
@@ -85,6 +97,8 @@ class Mirror final : public DistanceSource {
  private:
   class Follower;
   explicit Mirror(std::unique_ptr<Follower> follower);
+  absl::StatusOr<std::shared_ptr<const MapView>> ViewAtHand() const;
+  absl::StatusOr<std::shared_ptr<const MapView>> ViewFor(const CheckOptions& options) const;
 
   std::unique_ptr<Follower> follower_;
 };
