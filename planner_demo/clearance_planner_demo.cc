@@ -31,6 +31,7 @@ struct Arguments {
   std::string server_binary;
   std::string out;
   std::string recorded;
+  bool remote = false;
 };
 
 constexpr Row kRows[] = {Row::kClearance, Row::kFrozenSnapshot, Row::kStaticFusion,
@@ -133,6 +134,7 @@ absl::Status Run(const Arguments& arguments) {
       if (!Wants(arguments, kRows[r])) continue;
       EpisodeOptions options;
       options.row = kRows[r];
+      options.source = arguments.remote ? Source::kRemote : Source::kMirror;
       std::unique_ptr<DriveLog> log;
       if (showcase.wanted()) {
         log = std::make_unique<DriveLog>(showcase.FolderFor(kRows[r]), stage,
@@ -190,6 +192,8 @@ int main(int argc, char** argv) {
   app.add_option("--recorded", arguments.recorded,
                  "a recorded crossing's folder, with gt/, instead of a simulated scene");
   app.add_flag("--json", arguments.json, "print one JSON object instead of the table");
+  app.add_flag("--remote", arguments.remote,
+               "ask the server at every look-up instead of a mirror of its map");
   app.add_flag("--quiet", arguments.quiet, "no line an episode on stderr");
   app.add_option("--out", arguments.out,
                  "a folder for the drives of the seed that tells most, for demo_pictures.py");

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "absl/strings/str_format.h"
-#include "planner_demo/episode/map_link.h"
 
 namespace clearance::demo {
 namespace {
@@ -84,7 +83,8 @@ absl::StatusOr<EpisodeResult> RunEpisode(const Stage& stage, const client::EsdfC
   settings.max_range_m = stage.max_range_m;
   settings.max_distance_m = 2.0;  // nobody needs to know more than that there is room
   settings.max_horizon_s = options.max_horizon_s;
-  auto link = MapLink::Open(*client, MapOf(stage, options.row), settings, stage.max_range_m);
+  auto link = MapLink::Open(*client, MapOf(stage, options.row), settings, stage.max_range_m,
+                            options.source);
   if (!link.ok()) return link.status();
 
   ClearanceProbe probe((*link)->lookup(), stage.robot, options.margins,

@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "client/esdf_client.h"
 #include "planner_demo/episode/judge.h"
+#include "planner_demo/episode/map_link.h"
 #include "planner_demo/plan/pilot.h"
 
 namespace clearance::demo {
@@ -69,6 +70,7 @@ struct EpisodeOptions {
   int plan_every = 2;  // frames
   PilotOptions pilot;
   Margins margins;
+  Source source = Source::kMirror;
   double voxel_size_m = 0.2;
   double max_horizon_s = 6.5;
   Observer observer;

@@ -12,7 +12,7 @@ using client::AckStatus;
 absl::StatusOr<std::unique_ptr<MapLink>> MapLink::Open(const client::EsdfClient& client,
                                                        const std::string& map,
                                                        const wire::MapSettings& settings,
-                                                       double max_range_m) {
+                                                       double max_range_m, Source source) {
   client.DeleteMap(map).IgnoreError();
   const auto created = client.CreateMap(map, settings);
   if (!created.ok()) return created.status();
@@ -33,10 +33,25 @@ absl::StatusOr<std::unique_ptr<MapLink>> MapLink::Open(const client::EsdfClient&
   auto stream = client.OpenIngest(options);
   if (!stream.ok()) return stream.status();
   link->stream_ = *std::move(stream);
+  if (source == Source::kMirror) {
+    client::MirrorOptions mirror_options;
+    mirror_options.client = client.options();
+    mirror_options.client.map = map;
+    auto mirror = client::Mirror::Start(mirror_options);
+    if (!mirror.ok()) return mirror.status();
+    link->mirror_ = *std::move(mirror);
+    const absl::Status ready = link->mirror_->WaitUntilReady(absl::Seconds(30));
+    if (!ready.ok()) return ready;
+  } else {
+    client::QueryOptions query;
+    query.map = map;
+    link->remote_ = client::MakeRemoteDistanceSource(client, query);
+  }
   return link;
 }
 
 MapLink::~MapLink() {
+  mirror_.reset();
   if (stream_ != nullptr) stream_->Finish().IgnoreError();
   stream_.reset();
   client_.DeleteMap(map_).IgnoreError();
@@ -58,10 +73,15 @@ absl::Status MapLink::Integrate(const Frame& frame, absl::Duration patience) {
         "frame ", frame.frame_id,
         " was refused: ", newest_.violations.empty() ? "" : newest_.violations[0].description));
   }
-  return absl::OkStatus();
+  const uint64_t revision = newest_.stamp.revision;
+  const uint64_t epoch = newest_.stamp.epoch;
+  lock.unlock();
+  return mirror_ == nullptr ? absl::OkStatus()
+                            : mirror_->WaitForRevision(revision, patience, epoch);
 }
 
 double MapLink::map_time_s() const {
+  if (mirror_ != nullptr) return 1e-9 * static_cast<double>(mirror_->Status().stamp.stamp_ns);
   const std::lock_guard<std::mutex> lock(mutex_);
   return 1e-9 * static_cast<double>(newest_.stamp.stamp_ns);
 }
@@ -72,12 +92,10 @@ double MapLink::integrate_ms() const {
 }
 
 Lookup MapLink::lookup() const {
-  return [this](const Eigen::Matrix3Xd& points_W, const std::vector<float>& horizons_s) {
-    client::QueryOptions options;
-    options.map = map_;
-    options.horizons_s = horizons_s;
-    options.objects = true;
-    return client_.QueryPoints(points_W, options);
+  const client::DistanceSource* source = remote_.get();
+  if (mirror_ != nullptr) source = mirror_.get();
+  return [source](const Eigen::Matrix3Xd& points_W, const std::vector<float>& horizons_s) {
+    return source->Distances(points_W, horizons_s);
   };
 }
 

@@ -15,6 +15,7 @@ constexpr double kEasyBrake_mps2 = 2.0;
 constexpr double kAtGoal_m = 0.4;
 constexpr double kStandCost = 4.0;    // a second at rest where nobody should stand
 constexpr double kNoStandEnd = 40.0;  // for a plan that ends there
+constexpr double kHitAtRest = 0.25;   // of what a collision at full speed costs, and more
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 struct Node {
@@ -60,7 +61,12 @@ class Search {
       const double t = k * kLayer_s / kSteps;
       const double at_m = from_m + t * (from_mps + 0.5 * accel_mps2 * t);
       const int row = std::min(layer * kSteps + k, p_.Rows() - 1);
-      cost += p_.rate[static_cast<size_t>(row) * p_.columns + Column(at_m)] * SpeedProblem::kStep_s;
+      double rate = p_.rate[static_cast<size_t>(row) * p_.columns + Column(at_m)];
+      if (rate >= SpeedProblem::kCollides) {
+        const double speed_mps = from_mps + accel_mps2 * t;
+        rate *= kHitAtRest + speed_mps / p_.limits.max_speed_mps;
+      }
+      cost += rate * SpeedProblem::kStep_s;
     }
     const double to_m = from_m + 0.5 * kLayer_s * (from_mps + to_mps);
     if (!AtGoal(to_m, to_mps)) cost += kLayer_s;
@@ -128,7 +134,7 @@ class Search {
     }
     SpeedPlan plan;
     plan.cost = best_cost;
-    plan.collides = best_cost >= SpeedProblem::kCollides * SpeedProblem::kStep_s;
+    plan.collides = best_cost >= kHitAtRest * SpeedProblem::kCollides * SpeedProblem::kStep_s;
     if (best < 0) return plan;
     for (int layer = layers_, i = best; layer >= 1; --layer) {
       const Node& node = nodes_[Index(layer, i)];

@@ -16,7 +16,7 @@ struct SpeedLimits {
 struct SpeedProblem {
   static constexpr double kStep_m = 0.25;
   static constexpr double kStep_s = 0.125;
-  static constexpr float kCollides = 1e3F;  // a second; more the deeper
+  static constexpr float kCollides = 1e4F;  // a second; more the deeper and faster
 
   double length_m = 0.0;
   double start_mps = 0.0;

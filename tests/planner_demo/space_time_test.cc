@@ -27,7 +27,7 @@ TEST(SpaceTime, WhatItCallsFeasibleKeepsEveryLimit) {
   const SpaceTime space(robot, Wide());
   sim::Random random(3);
   int feasible = 0;
-  for (int i = 0; i < 20000; ++i) {
+  for (int i = 0; i < 6000; ++i) {
     const RobotState from = RandomState(random, robot, 8.0);
     const RobotState to = RandomState(random, robot, 8.0);
     const Steering steering = space.Steer(from, to);
@@ -37,7 +37,7 @@ TEST(SpaceTime, WhatItCallsFeasibleKeepsEveryLimit) {
     }
     if (!steering.feasible) continue;
     ++feasible;
-    constexpr double kStep_s = 1e-3;
+    constexpr double kStep_s = 4e-3;
     RobotState last = from;
     for (double t = kStep_s; t <= steering.duration_s; t += kStep_s) {
       const RobotState now = space.Along(from, to, steering, t);
@@ -59,7 +59,7 @@ TEST(SpaceTime, WhatItCallsFeasibleKeepsEveryLimit) {
     EXPECT_NEAR(std::remainder(end.heading_rad - to.heading_rad, 2 * M_PI), 0.0, 1e-6);
     EXPECT_NEAR(end.speed_mps, to.speed_mps, 1e-9);
   }
-  EXPECT_GT(feasible, 100);
+  EXPECT_GT(feasible, 50);
 }
 
 TEST(SpaceTime, TellsWhatIsTooFastFromWhatIsNot) {
