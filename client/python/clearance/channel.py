@@ -4,7 +4,14 @@ import collections
 
 import grpc
 
-_OPTIONS = [("grpc.max_receive_message_length", 16 << 20), ("grpc.enable_http_proxy", 0)]
+_OPTIONS = [
+    ("grpc.max_receive_message_length", 16 << 20),
+    ("grpc.enable_http_proxy", 0),
+    # A server that comes back is found at once, as by the C++ client.
+    ("grpc.initial_reconnect_backoff_ms", 100),
+    ("grpc.min_reconnect_backoff_ms", 100),
+    ("grpc.max_reconnect_backoff_ms", 1000),
+]
 
 _CallDetails = collections.namedtuple("_CallDetails", "method timeout metadata credentials wait_for_ready compression")
 
