@@ -50,6 +50,17 @@ class ScriptedModel final : public MapModel {
   absl::StatusOr<Mesh> ExtractMesh(ObjectId, uint32_t) override {
     return absl::NotFoundError("no meshes");
   }
+  uint64_t revision() const override { return revision_; }
+  std::optional<Eviction> ChooseEviction(double) override { return std::nullopt; }
+  void Evict(const Eviction&) override {}
+  std::unique_ptr<FrozenModel> Freeze() override {
+    class Nothing final : public FrozenModel {
+      absl::Status Write(const FileSink&) const override {
+        return absl::UnimplementedError("a scripted model is not kept");
+      }
+    };
+    return std::make_unique<Nothing>();
+  }
 
  private:
   int Random(int low, int high) { return std::uniform_int_distribution<int>(low, high)(random_); }

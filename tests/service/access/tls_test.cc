@@ -45,7 +45,9 @@ class Authority {
 class TlsTest : public ServiceFixture {
  protected:
   void Serve(const TlsFiles& tls, const std::string& access_file = "") {
-    registry_ = std::make_unique<MapRegistry>(RegistryOptions{.model = FakeModelFactory(log_)});
+    RegistryOptions maps;
+    maps.model = FakeModelFactory(log_);
+    registry_ = std::make_unique<MapRegistry>(maps);
     ASSERT_TRUE(registry_->Create("default", {}).ok());
     ServerOptions options;
     options.listen = {"localhost:0"};
@@ -144,7 +146,9 @@ TEST_F(TlsTest, RefusesFilesThatAreNoGood) {
       {{pem, theirs_.Path("server.key"), ""}, absl::StatusCode::kInvalidArgument, "is not the key"},
       {{pem, key, ours_.Path("text")}, absl::StatusCode::kInvalidArgument, "security.client_ca"},
   };
-  MapRegistry registry(RegistryOptions{.model = FakeModelFactory(log_)});
+  RegistryOptions maps;
+  maps.model = FakeModelFactory(log_);
+  MapRegistry registry(maps);
   for (const auto& c : cases) {
     ServerOptions options;
     options.listen = {"localhost:0"};
