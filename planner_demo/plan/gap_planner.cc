@@ -20,6 +20,7 @@ constexpr double kRest_mps = 1e-3;
 constexpr double kStandRoom_m = 0.5;  // from carriageways
 constexpr double kDetourEnd_s = 1.5;  // for a route that does not lead to the goal
 constexpr double kShortest_m = 0.3;
+constexpr double kTurnAtRest_rad = 0.35;
 
 double Heading(const Eigen::Vector3d& from_W, const Eigen::Vector3d& to_W) {
   return std::atan2(to_W.y() - from_W.y(), to_W.x() - from_W.x());
@@ -57,10 +58,13 @@ void GapPlanner::AddCandidate(const RobotState& start, std::vector<RobotState> v
   candidate.to_goal = to_goal;
   RobotState first = start;
   if (start.speed_mps < kRest_mps) {
-    first.heading_rad = Heading(start.position_W, via.front().position_W);
-    candidate.earliest_start_s =
-        std::abs(std::remainder(first.heading_rad - start.heading_rad, 2.0 * M_PI)) /
-        space_->robot().turn_rate_radps;
+    // A turn about itself pays for larger angles; the curve makes the smaller ones on the way.
+    const double heading_rad = Heading(start.position_W, via.front().position_W);
+    const double turn_rad = std::abs(std::remainder(heading_rad - start.heading_rad, 2.0 * M_PI));
+    if (turn_rad > kTurnAtRest_rad) {
+      first.heading_rad = heading_rad;
+      candidate.earliest_start_s = turn_rad / space_->robot().turn_rate_radps;
+    }
   }
   via.insert(via.begin(), first);
   candidate.route = std::make_shared<Route>(space_, std::move(via));

@@ -106,20 +106,19 @@ TEST(Pilot, AMapThatGrowsOldSlowsItDownAndStopsIt) {
   const RobotModel robot = Ball();
   const FakeWorld empty;
   ClearanceProbe probe(empty.LookupAt(0.0), robot, {}, false, 6.5);
-  Pilot pilot(robot, mission, probe, {});
-  double fastest_mps = 0.0;
+  Pilot pilot(robot, mission, probe, {}), seeing(robot, mission, probe, {});
   for (int tick = 0; tick <= 10; ++tick) {
     pilot.Plan(0.2 * tick, 0.2 * tick);  // fresh up to 2 s
-    fastest_mps = std::max(fastest_mps, pilot.At(0.2 * tick).speed_mps);
+    seeing.Plan(0.2 * tick, 0.2 * tick);
   }
-  EXPECT_GT(fastest_mps, 2.0);
-  bool slower = false;
+  EXPECT_GT(pilot.At(2.0).speed_mps, 2.0);
   for (int tick = 11; tick <= 40; ++tick) {
     const Cycle cycle = pilot.Plan(0.2 * tick, 2.0);
     EXPECT_EQ(cycle.blind, 0.2 * tick - 2.0 >= 1.0 - 1e-9) << tick;
-    slower |= !cycle.blind && pilot.At(0.2 * tick + 0.2).speed_mps < fastest_mps - 0.5;
+    if (tick > 14) continue;
+    seeing.Plan(0.2 * tick, 0.2 * tick);
   }
-  EXPECT_TRUE(slower);
+  EXPECT_LT(pilot.At(3.0).speed_mps, seeing.At(3.0).speed_mps - 0.5);
   EXPECT_EQ(pilot.At(8.0).speed_mps, 0.0);
   EXPECT_EQ(pilot.At(8.0).position_W, pilot.At(12.0).position_W);
   // And goes on when the map is fresh again.
@@ -148,7 +147,8 @@ TEST(Pilot, AMapThatCannotBeAskedStopsIt) {
     const Cycle cycle = pilot.Plan(0.2 * tick, 0.2 * tick);
     EXPECT_TRUE(cycle.blind);
     EXPECT_NE(cycle.problem.find("the server is gone"), std::string::npos);
-    // It brakes gently, never jumps.
+    // From the first blind plan's effect on it brakes and never speeds up.
+    if (tick == 11) continue;
     EXPECT_LE(pilot.At(0.2 * tick + 0.2).speed_mps, pilot.At(0.2 * tick).speed_mps + 1e-6);
   }
   EXPECT_EQ(pilot.At(6.0).speed_mps, 0.0);
