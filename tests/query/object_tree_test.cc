@@ -63,9 +63,13 @@ TEST(ObjectTree, IsTheSameFromTheSameSitesInAnyOrder) {
     if (round > 0) std::shuffle(again.begin(), again.end(), rng);
     const auto other = BuildObjectShape(again, kVoxel);
     ASSERT_EQ(other->tree->leaves.size(), shape->tree->leaves.size());
-    EXPECT_EQ(std::memcmp(other->tree->leaves.data(), shape->tree->leaves.data(),
-                          shape->tree->leaves.size() * sizeof(SurfelTree::Leaf)),
-              0);
+    for (size_t i = 0; i < shape->tree->leaves.size(); ++i) {
+      const SurfelTree::Leaf &a = shape->tree->leaves[i], &b = other->tree->leaves[i];
+      EXPECT_EQ(std::memcmp(a.p, b.p, sizeof(a.p)), 0);
+      EXPECT_EQ(std::memcmp(a.normal, b.normal, sizeof(a.normal)), 0);
+      EXPECT_EQ(a.first, b.first);
+      EXPECT_EQ(a.count, b.count);
+    }
     ASSERT_EQ(other->tree->nodes.size(), shape->tree->nodes.size());
     EXPECT_EQ(std::memcmp(other->tree->nodes.data(), shape->tree->nodes.data(),
                           shape->tree->nodes.size() * sizeof(SurfelTree::Node)),

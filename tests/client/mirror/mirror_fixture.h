@@ -41,8 +41,13 @@ inline void ExpectSameShape(const ObjectShape* a, const ObjectShape* b) {
   ASSERT_EQ(a->tree->leaves.size(), b->tree->leaves.size());
   EXPECT_TRUE(SameBytes(a->tree->nodes.data(), b->tree->nodes.data(),
                         a->tree->nodes.size() * sizeof(SurfelTree::Node)));
-  EXPECT_TRUE(SameBytes(a->tree->leaves.data(), b->tree->leaves.data(),
-                        a->tree->leaves.size() * sizeof(SurfelTree::Leaf)));
+  for (size_t i = 0; i < a->tree->leaves.size(); ++i) {  // member by member: they end in padding
+    const SurfelTree::Leaf &leaf = a->tree->leaves[i], &other = b->tree->leaves[i];
+    EXPECT_TRUE(SameBytes(leaf.p, other.p, sizeof(leaf.p)));
+    EXPECT_TRUE(SameBytes(leaf.normal, other.normal, sizeof(leaf.normal)));
+    EXPECT_EQ(leaf.first, other.first);
+    EXPECT_EQ(leaf.count, other.count);
+  }
 }
 
 inline void ExpectSameObject(const ObjectView& a, const ObjectView& b) {
