@@ -187,7 +187,8 @@ TEST_F(LiveCommand, BenchIngestsIntoAMapOfItsOwnAndLeavesNone) {
   const auto maps = [] {
     std::vector<std::string> names;
     const auto client = server_->Connect();
-    for (const MapInfo& info : client->ListMaps().value()) names.push_back(info.map);
+    const auto listed = client->ListMaps();
+    for (const MapInfo& info : *listed) names.push_back(info.map);
     return names;
   };
   const auto before = maps();

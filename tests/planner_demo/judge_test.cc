@@ -127,8 +127,8 @@ TEST(Course, IsTheSameForTheSameSeedAndItsFramesAreToo) {
       EXPECT_EQ(fa.motions[i].pose.matrix(), fb.motions[i].pose.matrix());
     }
     EXPECT_TRUE(rig_a.See(20, T_W_X, false).motions.empty());
-    for (const uint16_t label :
-         std::get<PointCloud>(rig_a.See(20, T_W_X, false).observation).labels) {
+    const auto unlabelled = rig_a.See(20, T_W_X, false);
+    for (const uint16_t label : std::get<PointCloud>(unlabelled.observation).labels) {
       ASSERT_EQ(label, 0);
     }
   }

@@ -14,14 +14,14 @@ namespace {
 
 namespace ob = ompl::base;
 
-struct Setup {
+struct Validated {
   FakeWorld world;
   RobotModel robot = Ball();
   std::shared_ptr<SpaceTime> space;
   ob::SpaceInformationPtr si;
   std::unique_ptr<ClearanceProbe> probe;
 
-  explicit Setup(FakeWorld w, Margins margins = {}) : world(std::move(w)) {
+  explicit Validated(FakeWorld w, Margins margins = {}) : world(std::move(w)) {
     space = std::make_shared<SpaceTime>(robot,
                                         SpaceTime::Bounds{{-50, -50, 0}, {50, 50, 0}, 0.0, 20.0});
     si = std::make_shared<ob::SpaceInformation>(space);
@@ -51,7 +51,7 @@ TEST(ClearanceMotionValidator, AgreesWithDenseSamplingOfAnAnalyticWorld) {
                              {random.Uniform(-6, 6), random.Uniform(-6, 6), 0.0},
                              random.Uniform(0.3, 1.5)});
     }
-    const Setup setup(world, FixedMargins(0.1));
+    const Validated setup(world, FixedMargins(0.1));
     RobotState from, to;
     from.position_W = {random.Uniform(-5, 5), random.Uniform(-5, 5), 0.0};
     from.heading_rad = random.Uniform(-M_PI, M_PI);
@@ -88,7 +88,7 @@ TEST(ClearanceMotionValidator, AgreesWithDenseSamplingOfAnAnalyticWorld) {
 TEST(ClearanceMotionValidator, StopsShortOfTheFirstCollision) {
   FakeWorld world;
   world.wall_x_m = 5.0;
-  const Setup setup(world, FixedMargins(0.0));
+  const Validated setup(world, FixedMargins(0.0));
   RobotState from, to;
   to.position_W.x() = 8.0;
   to.time_s = 8.0;
@@ -106,7 +106,7 @@ TEST(ClearanceMotionValidator, StopsShortOfTheFirstCollision) {
 TEST(ClearanceMotionValidator, APredictedCarIsOnlyInTheWayWhenItIsThere) {
   FakeWorld world;
   world.balls = {{{4.0, -20.0, 0.0}, {0.0, 5.0, 0.0}, 1.0}};  // passes x = 4, y = 0 at 4 s
-  const Setup setup(world, FixedMargins(0.1));
+  const Validated setup(world, FixedMargins(0.1));
   RobotState from, to;
   to.position_W.x() = 8.0;
   to.time_s = 8.0;
@@ -118,7 +118,7 @@ TEST(ClearanceMotionValidator, APredictedCarIsOnlyInTheWayWhenItIsThere) {
 }
 
 TEST(ClearanceMotionValidator, ALookupThatFailsIsNeverFree) {
-  const Setup setup({});
+  const Validated setup({});
   ClearanceProbe broken(
       [](const Eigen::Matrix3Xd&,
          const std::vector<float>&) -> absl::StatusOr<client::DistanceAnswers> {
