@@ -18,10 +18,12 @@ void LowerThisThread() {
   thread_local bool lowered = false;
   if (lowered) return;
   lowered = true;
-  const auto thread = static_cast<id_t>(gettid());  // Linux: a priority is a thread's own
+  // Linux: a priority is a thread's own, and inherited. Counted from the main thread's, so that a
+  // worker started by a lowered thread is not lowered twice.
   errno = 0;
-  const int now = getpriority(PRIO_PROCESS, thread);
-  if (errno == 0) setpriority(PRIO_PROCESS, thread, std::min(now + kSteps, kLowest));
+  const int normal = getpriority(PRIO_PROCESS, static_cast<id_t>(getpid()));
+  if (errno != 0) return;
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), std::min(normal + kSteps, kLowest));
 }
 
 }  // namespace
