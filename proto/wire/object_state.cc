@@ -13,6 +13,9 @@ namespace clearance::wire {
 namespace {
 
 constexpr size_t kPoseValues = 12, kScrewValues = 6;
+// What lies beyond is damage: a map reaches 10,000 km, and bounds of queries are floats.
+constexpr double kMaxReach_m = 1e8, kMaxVelocity_mps = 1e10, kMaxRate_radps = 1e3;
+constexpr double kMaxDeviation = 1e6;
 
 absl::StatusOr<std::vector<double>> DecodeValues(const std::string& bytes, size_t count,
                                                  const std::string& field) {
@@ -25,8 +28,9 @@ absl::StatusOr<std::vector<double>> DecodeValues(const std::string& bytes, size_
 }
 
 absl::Status CheckDeviation(double value, const std::string& field) {
-  if (std::isfinite(value) && value >= 0) return absl::OkStatus();
-  return InvalidField(field, -1, absl::StrFormat("%g", value), "finite and not negative");
+  if (value >= 0 && value <= kMaxDeviation) return absl::OkStatus();  // NaN is not
+  return InvalidField(field, -1, absl::StrFormat("%g", value),
+                      absl::StrFormat("0 to %g", kMaxDeviation));
 }
 
 }  // namespace
@@ -86,9 +90,21 @@ absl::StatusOr<ObjectState> ObjectStateFromProto(const v1::ObjectState& state,
     return InvalidField(pose_field, -1, absl::StrFormat("axes off by %g", off),
                         "a rotation, within 0.001");
   }
+  const double reach_m = result.T_W_L.translation().cwiseAbs().maxCoeff();
+  if (reach_m > kMaxReach_m) {
+    return InvalidField(pose_field, -1, absl::StrFormat("an origin %g m away", reach_m),
+                        absl::StrFormat("at most %g", kMaxReach_m));
+  }
   const auto screw = DecodeValues(state.screw_f64(), kScrewValues, Path(field, "screw_f64"));
   if (!screw.ok()) return screw.status();
   for (size_t i = 0; i < kScrewValues; ++i) result.screw_W[i] = (*screw)[i];
+  const double velocity = result.screw_W.head<3>().cwiseAbs().maxCoeff();
+  const double rate = result.screw_W.tail<3>().cwiseAbs().maxCoeff();
+  if (velocity > kMaxVelocity_mps || rate > kMaxRate_radps) {
+    return InvalidField(Path(field, "screw_f64"), -1,
+                        absl::StrFormat("%g m/s and %g rad/s", velocity, rate),
+                        absl::StrFormat("at most %g and %g", kMaxVelocity_mps, kMaxRate_radps));
+  }
   result.position_sigma_m = state.position_sigma_m();
   result.velocity_sigma_mps = state.velocity_sigma_mps();
   absl::Status s = CheckDeviation(result.position_sigma_m, Path(field, "position_sigma_m"));

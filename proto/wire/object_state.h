@@ -28,7 +28,8 @@ struct ObjectState {
 void ToProto(const ObjectState& state, v1::ObjectState* out);
 
 // INVALID_ARGUMENT naming the field below `field`: an id that is none, an unknown life state,
-// values that are not finite, a pose that is no rigid transform, negative deviations, lengths.
+// values that are not finite or absurdly large, a pose that is no rigid transform, negative
+// deviations, lengths.
 absl::StatusOr<ObjectState> ObjectStateFromProto(const v1::ObjectState& state,
                                                  std::string_view field);
 

@@ -22,6 +22,15 @@ Values ValuesOf(const SurfaceSite& s) {
           s.normal_L.y(), s.normal_L.z(), s.sigma_m};
 }
 
+// Bounds of queries are floats: what is absurdly far or large would make them meaningless.
+constexpr float kMaxReach_m = 1e5f, kMaxSigma_m = 1e3f, kNormalTolerance = 0.01f;
+
+bool IsSite(const SurfaceSite& site) {
+  return site.p_L.cwiseAbs().maxCoeff() <= kMaxReach_m && site.p_L.allFinite() &&
+         std::abs(site.normal_L.norm() - 1) <= kNormalTolerance && site.sigma_m >= 0 &&
+         site.sigma_m <= kMaxSigma_m;
+}
+
 std::vector<uint32_t> Sorted(const Sites& sites) {
   std::vector<uint32_t> order(sites.size());
   std::iota(order.begin(), order.end(), 0u);
@@ -60,12 +69,14 @@ absl::Status ReadSites(std::string_view bytes, Sites* sites) {
     std::array<char, kSiteBytes> raw;
     for (size_t byte = 0; byte < kSiteBytes; ++byte) raw[byte] = bytes[byte * count + i];
     const auto v = std::bit_cast<Values>(raw);
-    for (const float value : v) {
-      if (!std::isfinite(value)) {
-        return absl::DataLossError(absl::StrFormat("object surface: site %d is not finite", i));
-      }
+    const SurfaceSite site{{v[0], v[1], v[2]}, {v[3], v[4], v[5]}, v[6]};
+    if (!IsSite(site)) {
+      return absl::DataLossError(absl::StrFormat(
+          "object surface: site %d is at (%g, %g, %g) with a normal of length %g and "
+          "sigma %g: no surface of an object",
+          i, v[0], v[1], v[2], site.normal_L.norm(), site.sigma_m));
     }
-    sites->push_back({{v[0], v[1], v[2]}, {v[3], v[4], v[5]}, v[6]});
+    sites->push_back(site);
   }
   return absl::OkStatus();
 }

@@ -20,7 +20,8 @@ bool ComesFirst(const SurfaceSite& a, const SurfaceSite& b);
 // Appends sites [first, first + count): position, normal, sigma as floats.
 void AppendSites(const Sites& sites, size_t first, size_t count, std::string* bytes);
 // Appends the sites to `sites`. DATA_LOSS for a length that is not a whole number of sites and for
-// values that are not finite.
+// values that no site has: not finite, farther than 100 km, a normal that is not of unit length, a
+// sigma beyond 0 to 1 km.
 absl::Status ReadSites(std::string_view bytes, Sites* sites);
 
 // Appends what a reader of `before` lacks of `after`: a bit for each site of `before`, set where it

@@ -76,6 +76,15 @@ TEST(WireObjectState, NamesTheFieldThatIsWrong) {
               HasSubstr("a rotation"))
       << "a reflection";
   EXPECT_THAT(error([](auto& m) { m.clear_screw_f64(); }), HasSubstr("screw_f64"));
+  EXPECT_THAT(error([](auto& m) {
+                m.set_screw_f64(EncodeArray({0.0, 1e30, 0.0, 0.0, 0.0, 0.0}));
+              }),
+              HasSubstr("screw_f64"));
+  EXPECT_THAT(error([](auto& m) {
+                m.set_world_from_object_f64(
+                    EncodeArray({1.0, 0.0, 0.0, 1e30, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0}));
+              }),
+              HasSubstr("away"));
   EXPECT_THAT(error([](auto& m) { m.set_position_sigma_m(-1); }), HasSubstr("position_sigma_m"));
   EXPECT_THAT(error([](auto& m) { m.set_velocity_sigma_mps(INFINITY); }),
               HasSubstr("velocity_sigma_mps"));

@@ -4,8 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <random>
+#include <string>
+#include <vector>
 
 namespace clearance {
 namespace {
@@ -15,7 +16,8 @@ Sites RandomSites(size_t count, std::mt19937& random) {
   Sites sites(count);
   for (SurfaceSite& site : sites) {
     for (int i = 0; i < 3; ++i) site.p_L[i] = value(random), site.normal_L[i] = value(random);
-    site.sigma_m = value(random);
+    site.normal_L.normalize();
+    site.sigma_m = std::abs(value(random));
   }
   return sites;
 }
@@ -80,10 +82,14 @@ TEST(ShapeCodec, RefusesDamagedBytes) {
   EXPECT_TRUE(absl::IsDataLoss(ReadSites(bytes.substr(1), &back)));
   EXPECT_TRUE(absl::IsDataLoss(ReadSiteChanges(changes.substr(0, 5), before, &back)));
   EXPECT_TRUE(absl::IsDataLoss(ReadSiteChanges(changes + "x", before, &back)));
-  const float bad = NAN;
-  std::string not_finite(kSiteBytes, '\0');
-  std::memcpy(not_finite.data(), &bad, sizeof(bad));
-  EXPECT_TRUE(absl::IsDataLoss(ReadSites(not_finite, &back)));
+  for (const float bad : {NAN, INFINITY, -INFINITY, 1e30f, -1e6f}) {
+    for (int value = 0; value < 7; ++value) {  // position, normal, sigma
+      std::vector<float> values = {1, 2, 3, 0, 0, 1, 0.1f};
+      values[value] = bad;
+      const std::string site(reinterpret_cast<const char*>(values.data()), kSiteBytes);
+      EXPECT_TRUE(absl::IsDataLoss(ReadSites(site, &back))) << bad << " as value " << value;
+    }
+  }
 }
 
 }  // namespace
