@@ -61,10 +61,14 @@ TEST_F(LiveEpisode, ArrivesUnharmedAndTheSameWayAgain) {
       EXPECT_GT(cycle.lookups, 1000u);
       late |= cycle.late;
     }
-    if (!late) EXPECT_TRUE(result->in_time) << result->outcome;
+    if (!late) {
+      EXPECT_TRUE(result->in_time) << result->outcome;
+    }
   }
   // A cycle that a busy machine makes late is thrown away, and the drive differs.
-  if (!late) EXPECT_EQ(first, second);
+  if (!late) {
+    EXPECT_EQ(first, second);
+  }
 }
 
 TEST_F(LiveEpisode, BaselinesDifferInWhatTheyAreToldAlone) {
@@ -99,7 +103,9 @@ TEST_F(LiveEpisode, AServerThatLeavesStopsTheRobot) {
       server_->Stop();
     }
     // The mirror still answers from its last view; from a second on that is too old.
-    if (moment.frame >= 24 && moment.cycle != nullptr) EXPECT_TRUE(moment.cycle->blind);
+    if (moment.frame >= 24 && moment.cycle != nullptr) {
+      EXPECT_TRUE(moment.cycle->blind);
+    }
     fastest_mps = std::max(fastest_mps, moment.robot.speed_mps);
     last = moment.robot;
   };

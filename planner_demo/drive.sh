@@ -1,0 +1,32 @@
+#!/usr/bin/env bash
+# Installs, builds, and drives a robot over a busy crossing on a map that a server keeps: with the
+# map and its predictions, with a frozen snapshot, with static fusion, and straight ahead.
+#   bash planner_demo/drive.sh [OUT]        (default: out, in the top folder of the tree)
+# Leaves drive.gif, contact_sheet.png and table.txt. CLEARANCE_DEMO_SCENE (crossing, street, drone),
+# CLEARANCE_DEMO_SEED and CLEARANCE_DEMO_EPISODES pick others; CLEARANCE_BUILD_DIR as in
+# docker/build.sh.
+set -euo pipefail
+exec </dev/null
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+mkdir -p "${1:-$root/out}"
+out=$(cd "${1:-$root/out}" && pwd)
+scene=${CLEARANCE_DEMO_SCENE:-crossing}
+seed=${CLEARANCE_DEMO_SEED:-7}
+episodes=${CLEARANCE_DEMO_EPISODES:-6}
+python=/usr/bin/python3
+
+bash "$root/docker/install.sh" runtime build test
+build=$(bash "$root/docker/build.sh" bin/clearance_server bin/clearance_planner_demo)
+
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+
+echo "Driving over $episodes busy crossings, four ways each"
+"$build/bin/clearance_planner_demo" --scene "$scene" --seed "$seed" --episodes "$episodes" \
+  --out "$out" >"$out/table.txt"
+MPLCONFIGDIR="$scratch" "$python" -B "$root/planner_demo/drive_pictures.py" "$out"
+
+echo
+cat "$out/table.txt"
+echo
+echo "Pictures and table are in $out: drive.gif, contact_sheet.png, table.txt"
