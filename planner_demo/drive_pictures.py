@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draws the drives that clearance_planner_demo --out leaves: demo_pictures.py OUT
+"""Draws the drives that clearance_planner_demo --out leaves: drive_pictures.py OUT
 
 contact_sheet.png: each row of the table at four moments of one crossing; drive.gif: the first row's
 drive; both seen from above: the map's slice, its objects with their predicted way, the plan.

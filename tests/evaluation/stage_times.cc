@@ -53,7 +53,7 @@ double TimeObjects(const Frame& frame, const LiveMap& map, Times* times) {
     if (object == map.world().objects().end()) continue;
     const Stopwatch watch;
     const LocalVoxels claimed = GatherVoxels(split.points_X, points, frame.T_W_X, h);
-    ReleaseClaimed(claimed, static_W, map.world().static_map());
+    ReleaseClaimed(claimed, StaticReturns(static_W), map.world().static_map());
     const Pose T_L_X = object->second.T_W_L().inverse() * frame.T_W_X;
     ObserveBand(GatherVoxels(split.points_X, points, T_L_X, h), image, T_L_X, id,
                 object->second.surface(), options.band);
