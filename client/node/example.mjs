@@ -9,7 +9,8 @@ const {clearance} = grpc.loadPackageDefinition(
     loader.loadSync('clearance/v1/query.proto', {includeDirs: [protos], keepCase: true, longs: Number}));
 
 const [address = '127.0.0.1:50051', map = ''] = process.argv.slice(2);
-const query = new clearance.v1.QueryService(address, grpc.credentials.createInsecure());
+const target = address.startsWith('/') ? `unix:${address}` : address;
+const query = new clearance.v1.QueryService(target, grpc.credentials.createInsecure());
 const points = new Float32Array([10, 2, 0.5, 5, 0, 0.5]);
 
 function queryPoints(horizon_s) {

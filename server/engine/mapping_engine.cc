@@ -367,8 +367,10 @@ void MappingEngine::RefreshSizes(bool force) {
   // Sizes cost time that grows with the map, so they are taken by the clock, not by the frame, and
   // the more rarely the longer they take: no more than a fiftieth of the thread's time.
   const Clock::time_point now = Clock::now();
-  if (!force && now < sizes_at_) return;
+  // A map that had seen nothing is measured with its first frame: it is small.
+  if (!force && observed_ && now < sizes_at_) return;
   MapSizes sizes = model_->Sizes();
+  observed_ = sizes.observed_W.has_value();
   sizes_at_ = now + std::max<Clock::duration>(options_.sizes_period, 50 * (Clock::now() - now));
   {
     MutexLock lock(&mu_);

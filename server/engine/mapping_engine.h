@@ -151,6 +151,7 @@ class MappingEngine {
   // Rejections that found no room in the log; they go first once there is. Mapping thread only.
   std::deque<LogRecord> unlogged_;
   Clock::time_point sizes_at_;  // mapping thread only
+  bool observed_ = false;  // the newest sizes have a box; mapping thread only
   std::shared_ptr<MapStore> store_;
 
   mutable Mutex mu_;
