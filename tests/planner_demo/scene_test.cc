@@ -52,13 +52,15 @@ TEST_P(EveryScene, IsTheSameForTheSameSeedAndAnotherForAnother) {
   ASSERT_TRUE(a && b && c);
   EXPECT_EQ(a->name, GetParam());
   ASSERT_EQ(a->movers.size(), b->movers.size());
-  bool differs = false;
+  bool differs = a->movers.size() != c->movers.size();
   for (const double t : {-1.0, 0.0, 1.37, 20.0}) {
     EXPECT_EQ(a->T_W_X(t).matrix(), b->T_W_X(t).matrix());
     differs = differs || a->T_W_X(t).matrix() != c->T_W_X(t).matrix();
     for (size_t i = 0; i < a->movers.size(); ++i) {
       EXPECT_EQ(a->movers[i].id, b->movers[i].id);
       EXPECT_EQ(a->movers[i].T_W_L(t).matrix(), b->movers[i].T_W_L(t).matrix());
+      differs = differs || (i < c->movers.size() &&
+                            a->movers[i].T_W_L(t).matrix() != c->movers[i].T_W_L(t).matrix());
     }
   }
   EXPECT_TRUE(differs);
