@@ -21,24 +21,4 @@ inline grpc::ServerUnaryReactor* UnaryNotOffered(grpc::CallbackServerContext* co
   return reactor;
 }
 
-template <typename Response>
-grpc::ServerWriteReactor<Response>* WritesNotOffered(const char* method) {
-  class Reactor : public grpc::ServerWriteReactor<Response> {
-   public:
-    explicit Reactor(const char* method) { this->Finish(NotOffered(method)); }
-    void OnDone() override { delete this; }
-  };
-  return new Reactor(method);
-}
-
-template <typename Request, typename Response>
-grpc::ServerBidiReactor<Request, Response>* StreamNotOffered(const char* method) {
-  class Reactor : public grpc::ServerBidiReactor<Request, Response> {
-   public:
-    explicit Reactor(const char* method) { this->Finish(NotOffered(method)); }
-    void OnDone() override { delete this; }
-  };
-  return new Reactor(method);
-}
-
 }  // namespace clearance
