@@ -196,7 +196,7 @@ int main(int argc, char** argv) {
                "ask the server at every look-up instead of a mirror of its map");
   app.add_flag("--quiet", arguments.quiet, "no line an episode on stderr");
   app.add_option("--out", arguments.out,
-                 "a folder for the drives of the seed that tells most, for demo_pictures.py");
+                 "a folder for the drives of the seed that tells most, for drive_pictures.py");
   app.add_option("--server-binary", arguments.server_binary, "the server to start")
       ->capture_default_str();
   try {

@@ -2,6 +2,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "planner_demo/episode/judge.h"
+#include "planner_demo/episode/truth.h"
 #include "planner_demo/plan/pilot.h"
 #include "planner_demo/sim/scenes/scenes.h"
 
@@ -9,12 +11,33 @@ namespace clearance::demo {
 namespace {
 
 constexpr int kFrames = 260;  // scripted motions are free of collisions so long
+constexpr double kRoomAtEnds_m = 0.5;
 
 Eigen::AlignedBox2d Strip(double x0, double y0, double x1, double y1) {
   return {Eigen::Vector2d(x0, y0), Eigen::Vector2d(x1, y1)};
 }
 
+// Lamps and trees stand where the seed puts them: the nearest place along x that is clear of them.
+Eigen::Vector3d ClearOfFurniture(const Course& course, const Eigen::Vector3d& wanted_W) {
+  constexpr double kStep_m = 0.25;
+  sim::Scene still = course.scene;
+  still.movers.clear();
+  const auto truth = TruthOf(still);
+  const Judge judge(*truth, course.robot, course.mission);
+  for (int k = 0; k < 40; ++k) {
+    RobotState state;
+    state.position_W = wanted_W;
+    state.position_W.x() += kStep_m * ((k + 1) / 2) * (k % 2 == 0 ? 1 : -1);
+    uint16_t id = 0;
+    if (judge.Clearance(state, &id) > kRoomAtEnds_m) return state.position_W;
+  }
+  return wanted_W;
+}
+
 void Finish(Course& course) {
+  Mission& mission = course.mission;
+  mission.start.position_W = ClearOfFurniture(course, mission.start.position_W);
+  mission.goal_W = ClearOfFurniture(course, mission.goal_W);
   const Trajectory straight = StraightAhead(course.robot, course.mission, 0.0);
   course.unobstructed_s = straight.ends_s();
   course.mission.start.heading_rad = straight.states().front().heading_rad;
@@ -76,10 +99,14 @@ Stage StageOf(const Course& course, const SensorRig& rig, const Truth& truth, ui
   stage.ends_s = course.LastChance();
   stage.frame_s = 1.0 / course.scene.rate_hz;
   stage.seed = seed;
-  stage.see = [&](uint64_t index, const RobotState& robot,
+  Surround(stage);
+  stage.see = [&course, &rig, near_W = stage.static_bounds](
+                  uint64_t index, const RobotState& robot,
                   bool labelled) -> absl::StatusOr<std::optional<Frame>> {
     const Eigen::Isometry3d T_W_R = sim::Upright(robot.position_W, robot.heading_rad);
-    return rig.See(index, T_W_R * Eigen::Translation3d(course.sensor_R), labelled);
+    Frame frame = rig.See(index, T_W_R * Eigen::Translation3d(course.sensor_R), labelled);
+    LeaveOutFarStatic(near_W, frame);
+    return frame;
   };
   stage.max_range_m = sim::MaxRange(course.scene.sensor);
   stage.truth = &truth;

@@ -9,6 +9,8 @@ namespace clearance::demo {
 namespace {
 
 constexpr double kEpsilon_s = 1e-9;
+constexpr double kStaticAround_m = 6.0;
+constexpr double kTrafficAround_m = 45.0;
 
 std::string MapOf(const Stage& stage, Row row) {
   std::string name = absl::StrFormat("%s-%s-%d", stage.name, NameOf(row), stage.seed);
@@ -61,6 +63,17 @@ EpisodeResult RunStraight(const Stage& stage, const EpisodeOptions& options) {
 
 }  // namespace
 
+void Surround(Stage& stage) {
+  const Eigen::Vector3d below(0.0, 0.0, 0.45), above(0.0, 0.0, 2.2);
+  const Aabb reach(stage.mission.min_W - below, stage.mission.max_W + above);
+  const auto grown = [&reach](double by_m) {
+    const Eigen::Vector3d around(by_m, by_m, 0.0);
+    return Aabb(reach.min() - around, reach.max() + around);
+  };
+  stage.static_bounds = grown(kStaticAround_m);
+  stage.map_bounds = grown(kTrafficAround_m);
+}
+
 const char* NameOf(Row row) {
   switch (row) {
     case Row::kClearance:
@@ -83,6 +96,7 @@ absl::StatusOr<EpisodeResult> RunEpisode(const Stage& stage, const client::EsdfC
   settings.max_range_m = stage.max_range_m;
   settings.max_distance_m = 2.0;  // nobody needs to know more than that there is room
   settings.max_horizon_s = options.max_horizon_s;
+  settings.bounds = stage.map_bounds;
   auto link = MapLink::Open(*client, MapOf(stage, options.row), settings, stage.max_range_m,
                             options.source);
   if (!link.ok()) return link.status();

@@ -38,8 +38,13 @@ struct Stage {
                                                      bool labelled)>
       see;
   double max_range_m = 0.0;
+  Aabb map_bounds;     // W: whence something may come to the robot in time
+  Aabb static_bounds;  // W: what stands outside is of no interest
   const Truth* truth = nullptr;
 };
+
+// Sets the stage's boxes from where its mission may lead.
+void Surround(Stage& stage);
 
 // Called after every frame with everything there is to show.
 struct Moment {

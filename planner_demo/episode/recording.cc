@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "planner_demo/episode/sensor_rig.h"
 #include "planner_demo/episode/triangle_set.h"
 #include "planner_demo/sim/motion.h"
 
@@ -144,10 +145,12 @@ Stage Recording::StageFor(uint64_t index) const {
   stage.unobstructed_s = straight.ends_s();
   mission.start.heading_rad = straight.states().front().heading_rad;
   stage.ends_s = stage.start_s + 2.0 * stage.unobstructed_s;
+  Surround(stage);
   stage.max_range_m = sequence_.info().max_range_m;
   stage.truth = truth_.get();
-  stage.see = [this](uint64_t frame, const RobotState&,
-                     bool labelled) -> absl::StatusOr<std::optional<Frame>> {
+  stage.see = [this, near_W = stage.static_bounds](
+                  uint64_t frame, const RobotState&,
+                  bool labelled) -> absl::StatusOr<std::optional<Frame>> {
     if (frame >= sequence_.size()) return std::nullopt;
     auto read = sequence_.Read(frame);
     if (!read.ok()) return read.status();
@@ -157,6 +160,7 @@ Stage Recording::StageFor(uint64_t index) const {
       if (auto* cloud = std::get_if<PointCloud>(&read->observation)) cloud->labels.clear();
       if (auto* depth = std::get_if<DepthImage>(&read->observation)) depth->labels.clear();
     }
+    LeaveOutFarStatic(near_W, *read);
     return std::optional<Frame>(*std::move(read));
   };
   return stage;

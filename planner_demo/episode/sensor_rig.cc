@@ -63,4 +63,17 @@ Frame SensorRig::See(uint64_t index, const Eigen::Isometry3d& T_W_X, bool labell
   return frame;
 }
 
+void LeaveOutFarStatic(const Aabb& near_W, Frame& frame) {
+  auto* cloud = std::get_if<PointCloud>(&frame.observation);
+  if (cloud == nullptr) return;
+  const Eigen::Isometry3f T_W_X = frame.T_W_X.cast<float>();
+  const Eigen::AlignedBox3f near = near_W.cast<float>();
+  for (Eigen::Index i = 0; i < cloud->points_X.cols(); ++i) {
+    const bool object = !cloud->labels.empty() && cloud->labels[static_cast<size_t>(i)] != 0;
+    if (!object && !near.contains(T_W_X * cloud->points_X.col(i))) {
+      cloud->points_X.col(i).setZero();
+    }
+  }
+}
+
 }  // namespace clearance::demo

@@ -33,4 +33,8 @@ class SensorRig {
   std::vector<Eigen::Vector3d> directions_X_;
 };
 
+// Takes static returns outside `near_W` off a frame: a robot that never gets there need not know
+// more of far facades than that nothing comes out of them. Objects keep theirs.
+void LeaveOutFarStatic(const Aabb& near_W, Frame& frame);
+
 }  // namespace clearance::demo

@@ -20,6 +20,8 @@ constexpr double kRest_mps = 1e-3;
 constexpr double kStandRoom_m = 0.5;  // from carriageways
 constexpr double kDetourEnd_s = 1.5;  // for a route that does not lead to the goal
 constexpr double kShortest_m = 0.3;
+constexpr double kArrives_m = 0.2;  // within the goal's radius by so much: columns are coarse
+constexpr double kEasyBrake_mps2 = 2.0;
 constexpr double kTurnAtRest_rad = 0.35;
 
 double Heading(const Eigen::Vector3d& from_W, const Eigen::Vector3d& to_W) {
@@ -73,8 +75,8 @@ void GapPlanner::AddCandidate(const RobotState& start, std::vector<RobotState> v
   }
 }
 
-// The way being driven, the straight one, and ways through one or two random waypoints; some end at
-// one, to get out of the way.
+// The way being driven, the one straight to the goal, straight on, and ways through one or two
+// random waypoints; some end at one, to get out of the way.
 std::vector<GapPlanner::Candidate> GapPlanner::DrawRoutes(const RobotState& start,
                                                           bool first_round) {
   std::vector<Candidate> candidates;
@@ -98,6 +100,14 @@ std::vector<GapPlanner::Candidate> GapPlanner::DrawRoutes(const RobotState& star
       if (!candidates.empty()) candidates.back().kept = true;
     }
     AddCandidate(start, {towards(goal_W, Heading(start.position_W, goal_W))}, true, candidates);
+    // Straight on, to come to rest: at the goal when it is near, or because nothing else is left.
+    const double stop_m = 1.0 + 0.5 * start.speed_mps * start.speed_mps / kEasyBrake_mps2;
+    AddCandidate(
+        start,
+        {towards(start.position_W + stop_m * Eigen::Vector3d(std::cos(start.heading_rad),
+                                                             std::sin(start.heading_rad), 0.0),
+                 start.heading_rad)},
+        false, candidates);
   }
   for (int attempt = 0;
        attempt < 3 * options_.routes && candidates.size() < static_cast<size_t>(options_.routes);
@@ -143,7 +153,6 @@ bool GapPlanner::Evaluate(const RobotState& start, std::vector<Candidate>& candi
     problem.horizon_s = options_.horizon_s;
     problem.limits = {std::max(options_.max_speed_mps, 0.5), robot.max_accel_mps2,
                       robot.max_brake_mps2};
-    problem.ends_at_goal = candidate.to_goal;
     if (!candidate.to_goal) {
       const Eigen::Vector3d end_W = candidate.route->waypoints().back().position_W;
       problem.beyond_end_s = kDetourEnd_s + (mission_.goal_W - end_W).norm() / robot.max_speed_mps;
@@ -152,9 +161,12 @@ bool GapPlanner::Evaluate(const RobotState& start, std::vector<Candidate>& candi
     problem.columns = static_cast<int>(reach_m / SpeedProblem::kStep_m) + 2;
     std::vector<RobotState> places(problem.columns);
     problem.may_stand.resize(problem.columns);
+    problem.at_goal.resize(problem.columns);
     for (int c = 0; c < problem.columns; ++c) {
       places[c] = candidate.route->At(c * SpeedProblem::kStep_m);
       problem.may_stand[c] = mission_.MayStand(places[c].position_W, kStandRoom_m);
+      problem.at_goal[c] =
+          (places[c].position_W - mission_.goal_W).norm() < mission_.goal_radius_m - kArrives_m;
     }
     candidate.first_sample = samples.size();
     for (int row = 0; row < problem.Rows(); ++row) {

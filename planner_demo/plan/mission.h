@@ -16,9 +16,10 @@ struct Mission {
   // Carriageways: robots may cross them and must not stop there. Others may stop anywhere.
   std::vector<Eigen::AlignedBox2d> no_standing;
 
+  // Not on a carriageway, and no closer than `radius_m` to one.
   bool MayStand(const Eigen::Vector3d& position_W, double radius_m) const {
     for (const Eigen::AlignedBox2d& box : no_standing) {
-      if (box.squaredExteriorDistance(position_W.head<2>()) < radius_m * radius_m) return false;
+      if (box.squaredExteriorDistance(position_W.head<2>()) <= radius_m * radius_m) return false;
     }
     return true;
   }

@@ -20,6 +20,7 @@ namespace {
 namespace ob = ompl::base;
 constexpr double kEasyBrake_mps2 = 2.5;
 constexpr double kPassed_m = 1e-3;
+constexpr double kPassed_s = 1e-6;
 
 double ThreadCpuMs() {
   timespec now;
@@ -135,12 +136,30 @@ void Pilot::Solve(const RobotState& start, double map_time_s, double max_speed_m
     } else {
       cycle.safe = planner.safe();
       cycle.cost = planner.cost();
+      if (!cycle.safe && StaysSafe(start, *si)) {
+        cycle.safe = true;  // what is being driven
+        return;
+      }
       waypoints_ = planner.waypoints();
       next_ = Trajectory(space, planner.solution());
     }
   } catch (const std::exception& error) {
     cycle.problem = error.what();
   }
+}
+
+// Whether what is left of the plan being driven still keeps its margins and ends at rest where the
+// robot may stand.
+bool Pilot::StaysSafe(const RobotState& start, const ob::SpaceInformation& si) const {
+  std::vector<RobotState> left = {start};
+  for (const RobotState& state : next_.states()) {
+    if (state.time_s > start.time_s + kPassed_s) left.push_back(state);
+  }
+  const RobotState& end = left.back();
+  if (left.size() < 2 || end.speed_mps > 0.0 || !mission_.MayStand(end.position_W, 0.0)) {
+    return false;
+  }
+  return !static_cast<const ClearanceMotionValidator&>(*si.getMotionValidator()).FirstInvalid(left);
 }
 
 void Pilot::Stop(const RobotState& start) {

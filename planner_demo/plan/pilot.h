@@ -1,6 +1,8 @@
 // Replans as the map changes, and says where the robot is in between.
 #pragma once
 
+#include <ompl/base/SpaceInformation.h>
+
 #include <memory>
 #include <optional>
 #include <string>
@@ -46,6 +48,7 @@ class Pilot {
 
  private:
   void Solve(const RobotState& start, double map_time_s, double max_speed_mps, Cycle& cycle);
+  bool StaysSafe(const RobotState& start, const ompl::base::SpaceInformation& si) const;
   // Brakes easily along what is being driven.
   void Stop(const RobotState& start);
   std::vector<RobotState> Ahead(double time_s) const;

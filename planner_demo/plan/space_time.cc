@@ -16,7 +16,7 @@ namespace {
 namespace ob = ompl::base;
 constexpr double kSamePlace_m = 1e-6;
 constexpr double kLevel_m = 1e-3;   // height differences that do not count
-constexpr double kRounding = 1e-6;  // what a limit may be exceeded by
+constexpr double kRounding = 1e-3;  // what a limit may be exceeded by: planners round places
 
 PlanarPose Planar(const RobotState& state) {
   return {state.position_W.x(), state.position_W.y(), state.heading_rad};
@@ -41,8 +41,10 @@ double Travelled(double from_mps, double to_mps, const Steering& steering, doubl
 double SpeedAt(double from_mps, double to_mps, const Steering& steering, double at_s) {
   const double half_s = 0.5 * steering.duration_s;
   if (half_s <= 0.0) return to_mps;
-  if (at_s <= half_s) return from_mps + (steering.middle_mps - from_mps) * at_s / half_s;
-  return steering.middle_mps + (to_mps - steering.middle_mps) * (at_s - half_s) / half_s;
+  // Rounding must not lead out of what both ends span: the space's bounds forgive none.
+  const double late = std::clamp(at_s / half_s - 1.0, -1.0, 1.0);
+  const double other_mps = late < 0.0 ? from_mps : to_mps;
+  return std::lerp(steering.middle_mps, other_mps, std::abs(late));
 }
 
 }  // namespace
@@ -60,7 +62,7 @@ SpaceTime::SpaceTime(const RobotModel& robot, const Bounds& bounds) : robot_(rob
   // OMPL wants a volume; a robot that drives feels nothing of it.
   height->setBounds(bounds.min_W.z() - kLevel_m, bounds.max_W.z() + kLevel_m);
   auto speed = std::make_shared<ob::RealVectorStateSpace>(1);
-  speed->setBounds(0.0, robot.max_speed_mps);
+  speed->setBounds(-2.0 * kRounding, robot.max_speed_mps + 2.0 * kRounding);
   auto time = std::make_shared<ob::TimeStateSpace>();
   time->setBounds(bounds.from_s, bounds.to_s);
   addSubspace(ground, 1.0);

@@ -12,7 +12,6 @@ constexpr int kSteps = 4;  // table rows a layer
 constexpr double kSpeedStep_mps = 0.5;
 constexpr double kCell_m = 0.125;  // one knot a cell and speed survives
 constexpr double kEasyBrake_mps2 = 2.0;
-constexpr double kAtGoal_m = 0.4;
 constexpr double kStandCost = 4.0;    // a second at rest where nobody should stand
 constexpr double kNoStandEnd = 40.0;  // for a plan that ends there
 constexpr double kHitAtRest = 0.25;   // of what a collision at full speed costs, and more
@@ -50,7 +49,7 @@ class Search {
     return std::clamp(static_cast<int>(at_m / SpeedProblem::kStep_m + 0.5), 0, p_.columns - 1);
   }
   bool AtGoal(double at_m, double speed_mps) const {
-    return p_.ends_at_goal && p_.length_m - at_m < kAtGoal_m && speed_mps == 0.0;
+    return speed_mps == 0.0 && p_.at_goal[Column(at_m)];
   }
 
   // Cost of moving from `from_m` with constant acceleration through one layer.

@@ -23,12 +23,11 @@ struct SpeedProblem {
   double earliest_start_s = 0.0;  // stands until then
   double horizon_s = 6.0;
   SpeedLimits limits;
-  double beyond_end_s = 0.0;  // what is left to do behind the curve's end, in seconds
-  bool ends_at_goal = false;
-
+  double beyond_end_s = 0.0;       // what is left to do behind the curve's end, in seconds
   int columns = 0;                 // along the curve
   std::vector<float> rate;         // row by row, one row a time step: cost a second
   std::vector<uint8_t> may_stand;  // by column
+  std::vector<uint8_t> at_goal;    // by column: a robot at rest there has arrived
 
   int Rows() const { return static_cast<int>(horizon_s / kStep_s + 0.5) + 1; }
 };

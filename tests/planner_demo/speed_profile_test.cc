@@ -10,10 +10,13 @@ namespace {
 SpeedProblem Open(double length_m) {
   SpeedProblem problem;
   problem.length_m = length_m;
-  problem.ends_at_goal = true;
   problem.columns = static_cast<int>(length_m / SpeedProblem::kStep_m) + 2;
   problem.rate.assign(static_cast<size_t>(problem.Rows()) * problem.columns, 0.0F);
   problem.may_stand.assign(problem.columns, 1);
+  problem.at_goal.assign(problem.columns, 0);
+  for (int c = 0; c < problem.columns; ++c) {
+    problem.at_goal[c] = std::abs(length_m - c * SpeedProblem::kStep_m) < 0.4;
+  }
   return problem;
 }
 
