@@ -31,12 +31,13 @@ struct Ray {
   float reach;                        // as far as it is evidence
 };
 
-// Amanatides and Woo's walk: every voxel the ray passes, in order, with where it enters and leaves.
-template <typename Visit>
-void Walk(const Ray& ray, const Visit& visit) {
-  VoxelIndex at;
-  Eigen::Vector3f next, delta;
-  Eigen::Vector3i step;
+// Amanatides and Woo's walk: every voxel the ray passes, in order, with where it enters and leaves;
+// before the first voxel of a block, the block. Steps are chosen without branches, which no
+// processor could predict.
+template <typename Enter, typename Visit>
+void Walk(const Ray& ray, const Enter& enter_block, const Visit& visit) {
+  int at[3], step[3];
+  float next[3], delta[3];
   for (int a = 0; a < 3; ++a) {
     at[a] = static_cast<int>(std::floor(ray.origin[a]));
     const float d = ray.direction[a];
@@ -46,15 +47,28 @@ void Walk(const Ray& ray, const Visit& visit) {
                                : ray.origin[a] - static_cast<float>(at[a]);
     next[a] = room * delta[a];
   }
+  int x = at[0], y = at[1], z = at[2];
+  float next_x = next[0], next_y = next[1], next_z = next[2];
   float enter = 0.f;
+  int crossed = ~0;
   while (true) {
-    const int axis = next[0] < next[1] ? (next[0] < next[2] ? 0 : 2) : (next[1] < next[2] ? 1 : 2);
-    const float leave = next[axis];
+    const bool x_before_y = next_x < next_y;
+    const bool along_x = x_before_y & (next_x < next_z);
+    const bool along_y = !x_before_y & (next_y < next_z);
+    const bool along_z = !(along_x | along_y);
+    const float leave = along_x ? next_x : (along_y ? next_y : next_z);
     if (leave > ray.reach) return;
-    visit(at, enter, leave);
+    if (crossed & ~7) enter_block(BlockIndex{x >> 3, y >> 3, z >> 3});
+    visit(((x & 7) << 6) | ((y & 7) << 3) | (z & 7), VoxelIndex(x, y, z), enter, leave);
     enter = leave;
-    at[axis] += step[axis];
-    next[axis] += delta[axis];
+    const int new_x = x + (along_x ? step[0] : 0);
+    const int new_y = y + (along_y ? step[1] : 0);
+    const int new_z = z + (along_z ? step[2] : 0);
+    crossed = (x ^ new_x) | (y ^ new_y) | (z ^ new_z);
+    x = new_x, y = new_y, z = new_z;
+    next_x += along_x ? delta[0] : 0.f;
+    next_y += along_y ? delta[1] : 0.f;
+    next_z += along_z ? delta[2] : 0.f;
   }
 }
 
@@ -90,9 +104,10 @@ class RaySpace {
     ray.direction = R_W_X_ * (image_.Point(u, v) / range_m);
     ray.length = range_m * inverse_h_;
     ray.reach = std::min(ray.length - kStopVoxels, max_range_m_ * inverse_h_);
-    Walk(ray, [&](const VoxelIndex& at, float enter, float leave) {
-      RayCounts::Block& block = counts.At(BlockOf(at));
-      const int offset = OffsetOf(at);
+    RayCounts::Block* in = nullptr;
+    const auto enter_block = [&](const BlockIndex& block) { in = &counts.At(block); };
+    Walk(ray, enter_block, [&](int offset, const VoxelIndex& at, float enter, float leave) {
+      RayCounts::Block& block = *in;
       block.Pass(offset);
       if (Test(block.held, offset) && ray.length >= leave + kBeyondVoxels) {
         Contradict(block, offset, at, ray, enter, leave);

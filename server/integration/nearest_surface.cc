@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "server/field/lanes.h"
 
@@ -41,9 +42,9 @@ std::vector<BlockIndex> BandBlocksOf(const LocalVoxels& voxels, float reach_voxe
   return blocks;
 }
 
-std::array<int32_t, kBlockVoxels> NearestSurface(const LocalVoxels& voxels, const BlockTable& table,
-                                                 const std::vector<uint8_t>& skip,
-                                                 const BlockIndex& block, float reach_voxels) {
+NearestVoxels NearestSurface(const LocalVoxels& voxels, const BlockTable& table,
+                             const std::vector<uint8_t>& skip, const BlockIndex& block,
+                             float reach_voxels) {
   constexpr Lanes kCentres = {0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f};
   const int reach = ReachInVoxels(reach_voxels);
   const float per_h = 1.f / static_cast<float>(voxels.voxel_size_m);
@@ -76,10 +77,10 @@ std::array<int32_t, kBlockVoxels> NearestSurface(const LocalVoxels& voxels, cons
       }
     }
   }
-  std::array<int32_t, kBlockVoxels> out;
-  for (int row = 0; row < 64; ++row) {
-    for (int z = 0; z < kBlockSide; ++z) out[row * kBlockSide + z] = nearest[row][z];
-  }
+  NearestVoxels out;
+  static_assert(sizeof(out.voxel) == sizeof(nearest));
+  std::memcpy(out.voxel.data(), nearest.data(), sizeof(nearest));
+  std::memcpy(out.squared_voxels.data(), best.data(), sizeof(best));
   return out;
 }
 

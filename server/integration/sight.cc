@@ -33,4 +33,62 @@ Sight LookTowards(const RangeImage& image, const Eigen::Vector3f& p_X, float vox
   return sight;
 }
 
+namespace {
+
+std::array<Sight, kLanes> LookTowardsPinhole(const RangeImage& image,
+                                             const std::array<Lanes, 3>& p_X, float voxel_size_m) {
+  const int width = image.width(), height = image.height();
+  const float* measures = image.measures().data();
+  const Lanes z = p_X[2];
+  const Lanes inverse = 1.f / Select(z > 0.f, z, Splat(1.f));
+  const Lanes u = image.fx() * p_X[0] * inverse + image.cx();
+  const Lanes v = image.fy() * p_X[1] * inverse + image.cy();
+  const LanesInt inside = (z > 0.f) & (u > -0.5f) & (v > -0.5f) &
+                          (u < static_cast<float>(width) - 0.5f) &
+                          (v < static_cast<float>(height) - 0.5f);
+  std::array<Sight, kLanes> sights{};
+  if (Bits(inside) == 0) return sights;
+  // Cutting off the fraction rounds; adding a half may have rounded up to the border.
+  LanesInt column = __builtin_convertvector(Select(inside, u + 0.5f, Lanes{}), LanesInt);
+  LanesInt row = __builtin_convertvector(Select(inside, v + 0.5f, Lanes{}), LanesInt);
+  column = column > width - 1 ? LanesInt{} + (width - 1) : column;
+  row = row > height - 1 ? LanesInt{} + (height - 1) : row;
+  const LanesInt pixel = row * width + column;
+  const Lanes middle = Gather(measures, pixel);
+  const LanesInt usable = inside & (middle > 0.f);
+  const Lanes beyond = z + 0.5f * voxel_size_m;
+  LanesInt edge{};
+  Lanes sum{}, used{};
+  for (int dv = -1; dv <= 1; ++dv) {
+    const LanesInt row_in = (row + dv >= 0) & (row + dv < height);
+    for (int du = -1; du <= 1; ++du) {
+      const LanesInt in = row_in & (column + du >= 0) & (column + du < width);
+      const Lanes m = Gather(measures, in ? pixel + (dv * width + du) : pixel);
+      edge |= in & ((m > beyond) | (m == 0.f));
+      const Lanes off = m - middle;
+      const LanesInt near = in & (m > 0.f) & (Max(off, -off) <= voxel_size_m);
+      sum += Select(near, 1.f / m, Lanes{});
+      used += Select(near, Splat(1.f), Lanes{});
+    }
+  }
+  const Lanes in_front = used / sum - z;
+  for (int k = 0; k < kLanes; ++k) {
+    if (!usable[k]) continue;
+    sights[k] = {true, in_front[k], image.label(column[k], row[k]), edge[k] != 0};
+  }
+  return sights;
+}
+
+}  // namespace
+
+std::array<Sight, kLanes> LookTowards(const RangeImage& image, const std::array<Lanes, 3>& p_X,
+                                      size_t count, float voxel_size_m) {
+  if (image.is_pinhole()) return LookTowardsPinhole(image, p_X, voxel_size_m);
+  std::array<Sight, kLanes> sights{};
+  for (size_t k = 0; k < count; ++k) {
+    sights[k] = LookTowards(image, Eigen::Vector3f(p_X[0][k], p_X[1][k], p_X[2][k]), voxel_size_m);
+  }
+  return sights;
+}
+
 }  // namespace clearance

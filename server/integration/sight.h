@@ -2,8 +2,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 
+#include "server/field/lanes.h"
 #include "server/integration/range_image.h"
 
 namespace clearance {
@@ -19,5 +21,9 @@ struct Sight {
 // `voxel_size_m` of the middle one count. edge_beyond: some neighbour, or no return at all, lies
 // more than half a voxel behind the point.
 Sight LookTowards(const RangeImage& image, const Eigen::Vector3f& p_X, float voxel_size_m);
+
+// The same for the first `count` of eight points, x, y and z apart.
+std::array<Sight, kLanes> LookTowards(const RangeImage& image, const std::array<Lanes, 3>& p_X,
+                                      size_t count, float voxel_size_m);
 
 }  // namespace clearance

@@ -9,6 +9,7 @@
 #include "server/integration/gap_bridging.h"
 #include "server/integration/nearest_surface.h"
 #include "server/integration/sight.h"
+#include "server/integration/stored_surface.h"
 #include "server/integration/surface_fields.h"
 
 namespace clearance {
@@ -23,6 +24,31 @@ float ReachVoxels(const BandOptions& options, double voxel_size_m) {
       std::min(options.truncation_m / voxel_size_m, 1.1 * std::sqrt(along2 + 0.5)));
 }
 
+// A voxel that was seen this many times, and agrees, need not be evaluated again. Noise takes more.
+constexpr float kConvergedFrames = 3.f;
+constexpr double kConvergedNoiseVoxels = 0.1;
+constexpr float kConvergedVoxels = 0.15f;  // of the centroid from the stored surface
+constexpr float kLeastWeight = 0.3f;
+constexpr float kInnerVoxels = 1.2f;  // farther out, the band need not be complete
+constexpr float kGuessVoxels = 0.5f;
+constexpr float kMostGuessed = 2.f;
+constexpr float kConfirmsVoxels = 0.9f;  // as in SurfaceMap::Apply: half a cube's diagonal
+
+// The weight of a stored mean that was seen `frames` times: 1 - v falls like exp(-d^2 / l^2), and
+// with the depth behind the surface (DecideBandValue).
+float ConvergedWeight(float mean_voxels, float frames) {
+  const float weight =
+      frames * std::exp(-mean_voxels * mean_voxels) * std::min(1.f, 1.f + 0.5f * mean_voxels);
+  if (mean_voxels <= -kGuessVoxels) return std::min(weight, kMostGuessed);
+  return std::abs(mean_voxels) < kInnerVoxels ? std::max(weight, kLeastWeight) : weight;
+}
+
+// The voxels of one block of the band.
+struct BlockTests {
+  std::vector<std::pair<int32_t, int>> tests;  // surface voxel that decides, offset; sorted
+  BlockMask confirmed{};                       // stored surface that this frame agrees with
+};
+
 struct BlockResult {
   std::vector<uint16_t> offset;
   std::vector<float> distance_m, weight;
@@ -36,49 +62,117 @@ class BandObserver {
         image_(image),
         T_M_X_(T_M_X),
         T_X_M_(T_M_X.inverse()),
+        R_X_M_(T_X_M_.linear().cast<float>()),
         id_(id),
         existing_(existing),
         options_(options),
         table_(voxels),
         fields_(voxels, table_, T_M_X.translation(), noise_m, options.gp),
-        reach_voxels_(ReachVoxels(options, voxels.voxel_size_m)) {}
+        reach_voxels_(ReachVoxels(options, voxels.voxel_size_m)),
+        converged_(voxels.offset.size()) {
+    const double noise = noise_m / voxels.voxel_size_m / kConvergedNoiseVoxels;
+    frames_ = kConvergedFrames * static_cast<float>(1.0 + noise * noise);
+    tbb::parallel_for(size_t{0}, voxels.blocks.size(), [&](size_t b) { FindConverged(b); });
+  }
+
+  std::vector<BlockResult> Observe(const std::vector<BlockIndex>& blocks) {
+    std::vector<BlockTests> tests(blocks.size());
+    tbb::parallel_for(size_t{0}, blocks.size(), [&](size_t i) { tests[i] = TestsOf(blocks[i]); });
+    std::vector<uint8_t> wanted(voxels_.offset.size());
+    for (const BlockTests& block : tests) {
+      for (const auto& [voxel, offset] : block.tests) wanted[voxel] = 1;
+    }
+    fields_.Train(wanted);
+    std::vector<BlockResult> results(blocks.size());
+    tbb::parallel_for(size_t{0}, blocks.size(),
+                      [&](size_t i) { results[i] = ObserveBlock(blocks[i], tests[i]); });
+    return results;
+  }
 
   float reach_voxels() const { return reach_voxels_; }
 
-  BlockResult Observe(const BlockIndex& block) const {
-    const std::array<int32_t, kBlockVoxels> nearest =
-        NearestSurface(voxels_, table_, fields_.strays(), block, reach_voxels_);
-    // Voxels by their field; each field is evaluated at eight of them at once.
-    std::vector<std::pair<int32_t, int>> tests;
-    tests.reserve(kBlockVoxels);
-    for (int o = 0; o < kBlockVoxels; ++o) {
-      if (nearest[o] >= 0) tests.emplace_back(nearest[o], o);
+ private:
+  // Surface voxels whose centroid lies on the stored surface, where that was seen often enough.
+  void FindConverged(size_t b) {
+    const LocalVoxels::Block& block = voxels_.blocks[b];
+    StoredSurface stored(existing_, block.block);
+    if (stored.empty()) return;
+    const float h = static_cast<float>(voxels_.voxel_size_m);
+    for (uint32_t i = block.begin; i < block.end; ++i) {
+      const int o = voxels_.offset[i];
+      const float mean = stored.mean(o);
+      if (!(stored.weight(o) >= ConvergedWeight(mean / h, frames_))) continue;
+      const Eigen::Vector3f normal = stored.Normal(o);
+      if (normal.isZero()) continue;
+      const Eigen::Vector3f centre =
+          (VoxelAt({0, 0, 0}, o).cast<float>() + Eigen::Vector3f::Constant(0.5f)) * h;
+      const float off = mean + normal.dot(voxels_.centroid[i] - centre);
+      converged_[i] = std::abs(off) < kConvergedVoxels * h;
     }
-    std::sort(tests.begin(), tests.end());
+  }
+
+  BlockTests TestsOf(const BlockIndex& block) const {
+    const NearestVoxels nearest =
+        NearestSurface(voxels_, table_, fields_.strays(), block, reach_voxels_);
+    const float* mean = existing_.MeanBlock(block);
+    const float* weight = existing_.WeightBlock(block);
+    const float per_h = 1.f / static_cast<float>(voxels_.voxel_size_m);
+    BlockTests out;
+    for (int o = 0; o < kBlockVoxels; ++o) {
+      const int32_t voxel = nearest.voxel[o];
+      if (voxel < 0) continue;
+      if (mean && weight && converged_[voxel]) {
+        const float m = mean[o] * per_h;
+        if (weight[o] > 0 ? weight[o] >= ConvergedWeight(m, frames_)
+                          : nearest.squared_voxels[o] > kInnerVoxels * kInnerVoxels) {
+          if (weight[o] > 0 && m < kConfirmsVoxels) Set(out.confirmed, o);
+          continue;
+        }
+      }
+      out.tests.emplace_back(voxel, o);
+    }
+    // Voxels by their field; each field is evaluated at eight of them at once.
+    std::sort(out.tests.begin(), out.tests.end());
+    return out;
+  }
+
+  BlockResult ObserveBlock(const BlockIndex& block, const BlockTests& in) const {
     std::array<BandValue, kBlockVoxels> values{};
+    const auto& tests = in.tests;
     for (size_t i = 0; i < tests.size();) {
       size_t end = i + 1;
       while (end < tests.size() && end - i < kLanes && tests[end].first == tests[i].first) ++end;
       EvaluateGroup(block, tests.data() + i, end - i, values);
       i = end;
     }
+    BlockMask given = in.confirmed;
+    for (const auto& [voxel, o] : tests) {
+      if (values[o].weight > 0) Set(given, o);
+    }
     const float* mean = existing_.MeanBlock(block);
     const float* weight = existing_.WeightBlock(block);
     BlockResult out;
-    for (int o = 0; o < kBlockVoxels; ++o) {
-      if (!(values[o].weight > 0)) continue;
-      const float w = weight ? GuessedWeight(values[o], mean[o], weight[o],
-                                             static_cast<float>(voxels_.voxel_size_m))
-                             : values[o].weight;
-      if (!(w > 0)) continue;
-      out.offset.push_back(static_cast<uint16_t>(o));
-      out.distance_m.push_back(values[o].distance_m);
-      out.weight.push_back(w);
+    for (int word = 0; word < 8; ++word) {
+      for (uint64_t bits = given[word]; bits; bits &= bits - 1) {
+        const int o = word * 64 + __builtin_ctzll(bits);
+        BandValue value = values[o];
+        if (Test(in.confirmed, o)) {
+          value = {mean[o], 0.f};
+        } else {
+          if (weight) {
+            value.weight =
+                GuessedWeight(value, mean[o], weight[o], static_cast<float>(voxels_.voxel_size_m));
+          }
+          if (!(value.weight > 0)) continue;
+        }
+        out.offset.push_back(static_cast<uint16_t>(o));
+        out.distance_m.push_back(value.distance_m);
+        out.weight.push_back(value.weight);
+      }
     }
     return out;
   }
 
- private:
   void EvaluateGroup(const BlockIndex& block, const std::pair<int32_t, int>* tests, size_t count,
                      std::array<BandValue, kBlockVoxels>& values) const {
     const float h = static_cast<float>(voxels_.voxel_size_m);
@@ -98,17 +192,21 @@ class BandObserver {
     const Eigen::Vector3f& normal = fields_.normal(voxel);
     const Eigen::Vector3f origin_X =
         (T_X_M_ * BlockOrigin(own, voxels_.voxel_size_m)).cast<float>();
-    const Eigen::Matrix3f R_X_M = T_X_M_.linear().cast<float>();
+    const Eigen::Vector3f normal_X = R_X_M_ * normal;
+    std::array<Lanes, 3> x_X;
+    for (int axis = 0; axis < 3; ++axis) {
+      x_X[axis] =
+          R_X_M_(axis, 0) * x[0] + R_X_M_(axis, 1) * x[1] + R_X_M_(axis, 2) * x[2] + origin_X[axis];
+    }
+    const std::array<Sight, kLanes> sights = LookTowards(image_, x_X, count, h);
+    const Lanes cosine = (normal_X.x() * x_X[0] + normal_X.y() * x_X[1] + normal_X.z() * x_X[2]) /
+                         Sqrt(x_X[0] * x_X[0] + x_X[1] * x_X[1] + x_X[2] * x_X[2]);
     for (size_t k = 0; k < count; ++k) {
       if (!(s.variance[k] <= static_cast<float>(options_.gp.max_latent_variance))) continue;
       if (!(s.latent[k] > 0)) continue;
       const Eigen::Vector3f away(-s.to_foot[0][k], -s.to_foot[1][k], -s.to_foot[2][k]);
-      const Eigen::Vector3f p_X = R_X_M * Eigen::Vector3f(x[0][k], x[1][k], x[2][k]) + origin_X;
-      const Eigen::Vector3f normal_X = R_X_M * normal;
-      const Sight sight = LookTowards(image_, p_X, h);
-      const auto value =
-          DecideBandValue(sight, normal.dot(away), away.norm(),
-                          std::abs(normal_X.dot(p_X.normalized())), s.variance[k], id_.value(), h);
+      const auto value = DecideBandValue(sights[k], normal.dot(away), away.norm(),
+                                         std::abs(cosine[k]), s.variance[k], id_.value(), h);
       if (value) values[tests[k].second] = *value;
     }
   }
@@ -116,12 +214,15 @@ class BandObserver {
   const LocalVoxels& voxels_;
   const RangeImage& image_;
   const Pose T_M_X_, T_X_M_;
+  const Eigen::Matrix3f R_X_M_;
   const ObjectId id_;
   const SurfaceMap& existing_;
   const BandOptions& options_;
   const BlockTable table_;
-  const SurfaceFields fields_;
+  SurfaceFields fields_;
   const float reach_voxels_;
+  std::vector<uint8_t> converged_;  // by surface voxel
+  float frames_ = kConvergedFrames;
 };
 
 }  // namespace
@@ -132,11 +233,9 @@ BandObservations ObserveBand(const LocalVoxels& voxels, const RangeImage& image,
   if (voxels.empty()) return out;
   const double noise_m = image.noise_m();
   const LocalVoxels surface = WithBridges(voxels, image, T_M_X, id, noise_m);
-  const BandObserver observer(surface, image, T_M_X, id, existing, noise_m, options);
+  BandObserver observer(surface, image, T_M_X, id, existing, noise_m, options);
   const std::vector<BlockIndex> blocks = BandBlocksOf(surface, observer.reach_voxels());
-  std::vector<BlockResult> results(blocks.size());
-  tbb::parallel_for(size_t{0}, blocks.size(),
-                    [&](size_t i) { results[i] = observer.Observe(blocks[i]); });
+  const std::vector<BlockResult> results = observer.Observe(blocks);
   for (size_t i = 0; i < blocks.size(); ++i) {
     const BlockResult& r = results[i];
     if (r.offset.empty()) continue;

@@ -19,7 +19,8 @@ struct BandOptions {
 // d_k and 1 - v_k for the voxels around this frame's surface. Sign from the range image, seen along
 // the view ray: a voxel in front of what was measured is outside; behind it, inside, but only where
 // the measured pixel belongs to `id`. Pure; `existing` is what is stored: it limits what guesses
-// behind surfaces add.
+// behind surfaces add, and where it agrees with the frame and was seen often enough, it is only
+// confirmed (weight 0).
 BandObservations ObserveBand(const LocalVoxels& voxels, const RangeImage& image, const Pose& T_M_X,
                              ObjectId id, const SurfaceMap& existing, const BandOptions& options);
 

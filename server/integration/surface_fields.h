@@ -16,13 +16,17 @@
 
 namespace clearance {
 
-// Immutable once built; safe to read from many threads. Deterministic.
+// Immutable once trained; safe to read from many threads. Deterministic.
 class SurfaceFields {
  public:
-  // sensor_M: where the sensor was, in the voxels' frame; normals point towards it. `voxels` must
-  // outlive the fields. noise_m: standard deviation of one point along its ray.
+  // sensor_M: where the sensor was, in the voxels' frame; normals point towards it. `voxels` and
+  // `table` must outlive the fields. noise_m: standard deviation of one point along its ray.
   SurfaceFields(const LocalVoxels& voxels, const BlockTable& table, const Eigen::Vector3d& sensor_M,
                 double noise_m, const GpOptions& options);
+
+  // Trains the fields of the voxels with wanted[i], which alone may be evaluated then. What they
+  // give does not depend on which others are wanted. Once.
+  void Train(const std::vector<uint8_t>& wanted);
 
   // A field at eight points, metres from the origin of its voxel's block.
   struct Samples {
@@ -42,6 +46,7 @@ class SurfaceFields {
  private:
   // The centroids that a voxel's field is trained on, from its own block's origin.
   struct Neighbourhood {
+    uint32_t own = 0;
     int count = 0;
     std::array<uint32_t, GpBatch::kMaxPoints> voxel;
     std::array<Eigen::Vector3f, GpBatch::kMaxPoints> point;
@@ -57,30 +62,37 @@ class SurfaceFields {
     size_t first_block = 0, last_block = 0;
     std::vector<Lanes> storage;
     std::vector<Batch> batches;
+    std::vector<uint32_t> neighbours;  // voxels that the fields are trained on
   };
   struct Location {
-    uint32_t chunk = 0, batch = 0;
+    uint32_t chunk = 0, batch = 0, neighbours = 0;  // the last two in the chunk's
     uint8_t lane = 0, count = 0;
   };
 
-  void Gather(size_t block, const BlockTable& table, std::vector<Neighbourhood>& out);
-  void TrainChunk(uint32_t chunk, const BlockTable& table, const Eigen::Vector3d& sensor_M);
+  // Voxels around a block by HaloOffset, -1 where there is no surface.
+  using Halo = std::array<int32_t, kHaloVoxels>;
+  Halo HaloOf(size_t block) const;
+  void FindStrays(size_t block);
+  void Need(const std::vector<uint8_t>& wanted);
+  void Gather(size_t block, std::vector<Neighbourhood>& out) const;
+  void TrainChunk(uint32_t chunk);
   void FindNormalsAndShifts(const Chunk& chunk, const Batch& batch,
-                            const std::vector<Neighbourhood>& neighbourhoods,
-                            const Eigen::Vector3d& sensor_M);
+                            const Neighbourhood* const neighbourhoods[kLanes]);
   Samples EvaluateReference(uint32_t voxel, const std::array<Lanes, 3>& x) const;
 
   const LocalVoxels& voxels_;
+  const BlockTable& table_;
+  Eigen::Vector3d sensor_M_;
   GpOptions options_;
   float length_m_;
   float stray_share_, shift_gain_;
   std::vector<Chunk> chunks_;
-  std::vector<Location> location_;                                     // by voxel
-  std::vector<uint32_t> block_of_;                                     // by voxel
-  std::vector<std::array<uint32_t, GpBatch::kMaxPoints>> neighbours_;  // by voxel
-  std::vector<uint8_t> stray_;                                         // by voxel
-  std::vector<Eigen::Vector3f> normal_;                                // by voxel
-  std::vector<Eigen::Vector3f> shift_;  // by voxel; undoes the curvature bias of the foot
+  std::vector<Location> location_;       // by voxel
+  std::vector<uint32_t> block_of_;       // by voxel
+  std::vector<uint8_t> stray_;           // by voxel
+  std::vector<uint8_t> needed_;          // by voxel: wanted, or beside one that is
+  std::vector<Eigen::Vector3f> normal_;  // by voxel
+  std::vector<Eigen::Vector3f> shift_;   // by voxel; undoes the curvature bias of the foot
   std::vector<std::optional<LocalGpField>> reference_;  // by voxel, kernels other than SE
 };
 

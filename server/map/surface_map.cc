@@ -144,27 +144,32 @@ class BlockFuser {
   void FuseBand(BlockWork& w) const {
     for (uint32_t i = w.band->begin; i < w.band->end; ++i) {
       const int o = update_.band.offset[i];
-      const float d = update_.band.distance_m[i], weight = update_.band.weight[i];
-      if (w.evidence && weight < kGuessWeight && OverruledByRays(o)) continue;
-      // Eq. (5): running weighted mean; the cap keeps old surface movable.
-      mean_[o] = (weight_[o] * mean_[o] + weight * d) / (weight_[o] + weight);
-      weight_[o] = std::min(weight_[o] + weight, options_.max_weight);
-      if (!w.weight->isValueOn(o)) {
-        w.mean->setValueOn(o);
-        w.weight->setValueOn(o);
+      const float d = update_.band.distance_m[i];
+      float weight = update_.band.weight[i];
+      if (weight == 0.f && weight_[o] == 0.f) weight = 1.f;  // confirmed, but just forgotten
+      if (weight > 0.f) {
+        if (w.evidence && weight < kGuessWeight && OverruledByRays(o)) continue;
+        // Eq. (5): running weighted mean; the cap keeps old surface movable.
+        mean_[o] = (weight_[o] * mean_[o] + weight * d) / (weight_[o] + weight);
+        weight_[o] = std::min(weight_[o] + weight, options_.max_weight);
+        if (!w.weight->isValueOn(o)) {
+          w.mean->setValueOn(o);
+          w.weight->setValueOn(o);
+        }
+        w.changed = true;
       }
       if (w.evidence && evidence_[o] != 0) {
         FreeEvidence e = FreeEvidence::Unpack(evidence_[o]);
         // Only surface in the cube confirms what is stored there, not the band in front of it.
         if (std::abs(d) < kHalfDiagonalVoxels * voxel_size_m_) e.contradicted = 0;
         if (d < 0) {  // seen behind a surface: what was free before has to prove it anew
+          w.changed |= e.probable > 0;
           e.confident /= 2;
           e.probable /= 2;
         }
         evidence_[o] = e.Pack();
       }
     }
-    w.changed |= w.band->end > w.band->begin;
   }
 
   void FinishEvidence(BlockWork& w) const {

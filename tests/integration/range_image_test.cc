@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <random>
 
@@ -80,6 +81,33 @@ TEST(RangeImage, KeepsFarReturnsForFreeSpaceButNotAsSurface) {
   EXPECT_TRUE(image.has_surface(4, 0));
   EXPECT_GT(image.measure(63, 47), 4.f);
   EXPECT_FALSE(image.has_surface(63, 47));
+}
+
+TEST(RangeImage, BoxesHoldEachLabelTightly) {
+  DepthImage d;
+  d.width = 67;  // no multiple of four
+  d.height = 31;
+  d.fx = d.fy = 60;
+  d.depth.assign(size_t{d.width} * d.height, 2000);
+  d.labels.assign(d.depth.size(), 0);
+  std::mt19937 rng(3);
+  std::map<uint16_t, Eigen::AlignedBox2i> expected;
+  for (int n = 0; n < 40; ++n) {
+    const int u = static_cast<int>(rng() % d.width), v = static_cast<int>(rng() % d.height);
+    const uint16_t label = static_cast<uint16_t>(n < 2 ? 700 : 1 + rng() % 5);
+    uint16_t& at = d.labels[static_cast<size_t>(v) * d.width + u];
+    if (at == 0) expected[at = label].extend(Eigen::Vector2i(u, v));
+  }
+  const RangeImage image = RangeImage::FromDepth(d, 10);
+  for (const auto& [label, box] : expected) {
+    const RangeImage::PixelBox found = image.BoxOf(label);
+    EXPECT_EQ(found.u0, box.min().x()) << label;
+    EXPECT_EQ(found.v0, box.min().y()) << label;
+    EXPECT_EQ(found.u1, box.max().x()) << label;
+    EXPECT_EQ(found.v1, box.max().y()) << label;
+  }
+  EXPECT_TRUE(image.BoxOf(99).empty());
+  EXPECT_EQ(image.BoxOf(0).u1, 66);
 }
 
 TEST(RangeImage, FindsEachPointOfAnUnorganisedCloudWhereItLies) {
