@@ -13,6 +13,7 @@
 #include "server/field/local_gp_field.h"
 #include "server/integration/block_table.h"
 #include "server/integration/local_voxels.h"
+#include "server/map/surface_map.h"
 
 namespace clearance {
 
