@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
+#include <utility>
 
 #include "server/field/lanes.h"
 
@@ -14,19 +14,37 @@ int ReachInVoxels(float reach_voxels) {
   return std::clamp(static_cast<int>(std::floor(reach_voxels + 0.5f)), 1, kBlockSide);
 }
 
+// Lowest and highest coordinates of a set that is not empty.
+std::pair<Eigen::Array3i, Eigen::Array3i> Extent(const BlockMask& mask) {
+  Eigen::Array3i low(kBlockSide, 0, 0), high(-1, 0, 0);
+  uint64_t layer = 0;  // bits y * 8 + z
+  for (int x = 0; x < kBlockSide; ++x) {
+    if (mask[x] == 0) continue;
+    low.x() = std::min(low.x(), x);
+    high.x() = x;
+    layer |= mask[x];
+  }
+  uint64_t row = layer | layer >> 32;
+  row |= row >> 16;
+  row = (row | row >> 8) & 0xff;
+  low.y() = __builtin_ctzll(layer) >> 3;
+  high.y() = (63 - __builtin_clzll(layer)) >> 3;
+  low.z() = __builtin_ctzll(row);
+  high.z() = 63 - __builtin_clzll(row);
+  return {low, high};
+}
+
 }  // namespace
 
-std::vector<BlockIndex> BandBlocksOf(const LocalVoxels& voxels, float reach_voxels) {
+std::vector<BlockIndex> BandBlocksOf(const LocalVoxels& voxels, const std::vector<BlockMask>& of,
+                                     float reach_voxels) {
   const int reach = ReachInVoxels(reach_voxels);
   std::vector<BlockIndex> blocks;
   blocks.reserve(voxels.blocks.size() * 8);
-  for (const LocalVoxels::Block& b : voxels.blocks) {
-    Eigen::Array3i low(kBlockSide, kBlockSide, kBlockSide), high(-1, -1, -1);
-    for (uint32_t i = b.begin; i < b.end; ++i) {
-      const Eigen::Array3i v = VoxelAt({0, 0, 0}, voxels.offset[i]).array();
-      low = low.min(v);
-      high = high.max(v);
-    }
+  for (size_t k = 0; k < voxels.blocks.size(); ++k) {
+    if (of[k] == BlockMask{}) continue;
+    const LocalVoxels::Block& b = voxels.blocks[k];
+    const auto [low, high] = Extent(of[k]);
     const Eigen::Array3i from = (low < reach).select(Eigen::Array3i(-1, -1, -1), 0);
     const Eigen::Array3i to = (high >= kBlockSide - reach).select(Eigen::Array3i(1, 1, 1), 0);
     for (int dx = from.x(); dx <= to.x(); ++dx) {
@@ -42,9 +60,9 @@ std::vector<BlockIndex> BandBlocksOf(const LocalVoxels& voxels, float reach_voxe
   return blocks;
 }
 
-NearestVoxels NearestSurface(const LocalVoxels& voxels, const BlockTable& table,
-                             const std::vector<uint8_t>& skip, const BlockIndex& block,
-                             float reach_voxels) {
+std::array<int32_t, kBlockVoxels> NearestSurface(const LocalVoxels& voxels, const BlockTable& table,
+                                                 const std::vector<uint8_t>& skip,
+                                                 const BlockIndex& block, float reach_voxels) {
   constexpr Lanes kCentres = {0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f};
   const int reach = ReachInVoxels(reach_voxels);
   const float per_h = 1.f / static_cast<float>(voxels.voxel_size_m);
@@ -77,10 +95,10 @@ NearestVoxels NearestSurface(const LocalVoxels& voxels, const BlockTable& table,
       }
     }
   }
-  NearestVoxels out;
-  static_assert(sizeof(out.voxel) == sizeof(nearest));
-  std::memcpy(out.voxel.data(), nearest.data(), sizeof(nearest));
-  std::memcpy(out.squared_voxels.data(), best.data(), sizeof(best));
+  std::array<int32_t, kBlockVoxels> out;
+  for (int row = 0; row < 64; ++row) {
+    for (int z = 0; z < kBlockSide; ++z) out[row * kBlockSide + z] = nearest[row][z];
+  }
   return out;
 }
 

@@ -31,26 +31,34 @@ BlockMask StoredSurface::HeldVoxels() const {
   return mask;
 }
 
-bool StoredSurface::Difference(int offset, int axis, int side, float* difference) {
-  const int at = (offset / kStride[axis]) & 7;
-  const float* mean = mean_;
-  const float* weight = weight_;
-  int other = offset + side * kStride[axis];
-  if (at + side < 0 || at + side > 7) {
-    const int n = 2 * axis + (side > 0);
-    if (!((looked_up_ >> n) & 1)) {
-      BlockIndex block = block_;
-      (axis == 0 ? block.x : axis == 1 ? block.y : block.z) += side;
-      neighbours_[n] = {map_->MeanBlock(block), map_->WeightBlock(block)};
-      looked_up_ |= static_cast<uint8_t>(1 << n);
-    }
-    mean = neighbours_[n].mean;
-    weight = neighbours_[n].weight;
-    if (!mean || !weight) return false;
-    other = offset - side * 7 * kStride[axis];
+const StoredSurface::Leaf& StoredSurface::Neighbour(int n) {
+  if (!((looked_up_ >> n) & 1)) {
+    const int axis = n >> 1, side = n & 1 ? 1 : -1;
+    BlockIndex block = block_;
+    (axis == 0 ? block.x : axis == 1 ? block.y : block.z) += side;
+    neighbours_[n] = {map_->MeanBlock(block), map_->WeightBlock(block)};
+    looked_up_ |= static_cast<uint8_t>(1 << n);
   }
-  if (!(weight[other] > 0.f)) return false;
-  *difference = static_cast<float>(side) * (mean[other] - mean_[offset]);
+  return neighbours_[n];
+}
+
+StoredSurface::Voxel StoredSurface::Beside(int offset, int axis, int side) {
+  const int at = (offset / kStride[axis]) & 7;
+  if (at + side >= 0 && at + side <= 7) {
+    const int other = offset + side * kStride[axis];
+    return {mean_[other], weight_[other], 6, other};
+  }
+  const int n = 2 * axis + (side > 0);
+  const int other = offset - side * 7 * kStride[axis];
+  const Leaf& leaf = Neighbour(n);
+  if (!leaf.mean || !leaf.weight) return {0, 0, n, other};
+  return {leaf.mean[other], leaf.weight[other], n, other};
+}
+
+bool StoredSurface::Difference(int offset, int axis, int side, float* difference) {
+  const Voxel beside = Beside(offset, axis, side);
+  if (!(beside.weight > 0.f)) return false;
+  *difference = static_cast<float>(side) * (beside.mean - mean_[offset]);
   return std::abs(*difference) < kMaxJumpVoxels * h_;
 }
 

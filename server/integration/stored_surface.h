@@ -32,11 +32,19 @@ class StoredSurface {
   // across two surfaces and are left out.
   Eigen::Vector3f Normal(int offset);
 
+  // The voxel one step (side: -1 or 1) along an axis. Weight 0 where nothing is stored.
+  struct Voxel {
+    float mean = 0, weight = 0;
+    int block = 6, offset = 0;  // block: 0..5 beside this one (-x, +x, -y, ...), 6: this one
+  };
+  Voxel Beside(int offset, int axis, int side);
+
  private:
   struct Leaf {
     const float* mean = nullptr;
     const float* weight = nullptr;
   };
+  const Leaf& Neighbour(int n);  // looked up when first needed
   // The difference of the mean from `offset` one voxel along an axis; false where it is not known.
   bool Difference(int offset, int axis, int side, float* difference);
 

@@ -6,10 +6,10 @@
 #include <cmath>
 
 #include "server/integration/band_value.h"
+#include "server/integration/converged_surface.h"
 #include "server/integration/gap_bridging.h"
 #include "server/integration/nearest_surface.h"
 #include "server/integration/sight.h"
-#include "server/integration/stored_surface.h"
 #include "server/integration/surface_fields.h"
 
 namespace clearance {
@@ -24,34 +24,26 @@ float ReachVoxels(const BandOptions& options, double voxel_size_m) {
       std::min(options.truncation_m / voxel_size_m, 1.1 * std::sqrt(along2 + 0.5)));
 }
 
-// A voxel that was seen this many times, and agrees, need not be evaluated again. Noise takes more.
-constexpr float kConvergedFrames = 3.f;
-constexpr double kConvergedNoiseVoxels = 0.1;
-constexpr float kConvergedVoxels = 0.15f;  // of the centroid from the stored surface
-constexpr float kLeastWeight = 0.3f;
-constexpr float kInnerVoxels = 1.2f;  // farther out, the band need not be complete
-constexpr float kGuessVoxels = 0.5f;
-constexpr float kMostGuessed = 2.f;
-constexpr float kConfirmsVoxels = 0.9f;  // as in SurfaceMap::Apply: half a cube's diagonal
-
-// The weight of a stored mean that was seen `frames` times: 1 - v falls like exp(-d^2 / l^2), and
-// with the depth behind the surface (DecideBandValue).
-float ConvergedWeight(float mean_voxels, float frames) {
-  const float weight =
-      frames * std::exp(-mean_voxels * mean_voxels) * std::min(1.f, 1.f + 0.5f * mean_voxels);
-  if (mean_voxels <= -kGuessVoxels) return std::min(weight, kMostGuessed);
-  return std::abs(mean_voxels) < kInnerVoxels ? std::max(weight, kLeastWeight) : weight;
+// Neighbours in the order of KnownSurface::confirmed.
+BlockIndex Beside(BlockIndex b, int n) {
+  if (n == KnownSurface::kOwn) return b;
+  (n < 2 ? b.x : n < 4 ? b.y : b.z) += n & 1 ? 1 : -1;
+  return b;
 }
+constexpr int kAroundAt[7] = {4, 22, 10, 16, 12, 14, 13};  // in BlockTable::Around
 
 // The voxels of one block of the band.
 struct BlockTests {
-  std::vector<std::pair<int32_t, int>> tests;  // surface voxel that decides, offset; sorted
+  BlockIndex block;
+  bool has_open = false;                       // surface voxels within reach that are evaluated
+  std::vector<std::pair<int32_t, int>> tests{};  // surface voxel that decides, offset; sorted
   BlockMask confirmed{};                       // stored surface that this frame agrees with
 };
 
 struct BlockResult {
-  std::vector<uint16_t> offset;
-  std::vector<float> distance_m, weight;
+  BlockIndex block;
+  std::vector<uint16_t> offset{};
+  std::vector<float> distance_m{}, weight{};
 };
 
 class BandObserver {
@@ -69,74 +61,72 @@ class BandObserver {
         table_(voxels),
         fields_(voxels, table_, T_M_X.translation(), noise_m, options.gp),
         reach_voxels_(ReachVoxels(options, voxels.voxel_size_m)),
-        converged_(voxels.offset.size()) {
-    const double noise = noise_m / voxels.voxel_size_m / kConvergedNoiseVoxels;
-    frames_ = kConvergedFrames * static_cast<float>(1.0 + noise * noise);
-    tbb::parallel_for(size_t{0}, voxels.blocks.size(), [&](size_t b) { FindConverged(b); });
+        known_(FindKnownSurface(voxels, existing, noise_m)),
+        open_(known_.size()) {
+    for (size_t b = 0; b < open_.size(); ++b) {
+      for (uint32_t i = voxels.blocks[b].begin; i < voxels.blocks[b].end; ++i) {
+        if (!Test(known_[b].converged, voxels.offset[i])) Set(open_[b], voxels.offset[i]);
+      }
+    }
   }
 
-  std::vector<BlockResult> Observe(const std::vector<BlockIndex>& blocks) {
-    std::vector<BlockTests> tests(blocks.size());
-    tbb::parallel_for(size_t{0}, blocks.size(), [&](size_t i) { tests[i] = TestsOf(blocks[i]); });
+  // By rising block.
+  std::vector<BlockResult> Observe() {
+    std::vector<BlockTests> tests;
+    for (const BlockIndex& b : BandBlocksOf(voxels_, open_, reach_voxels_)) {
+      tests.push_back({.block = b, .has_open = true});
+    }
+    for (size_t b = 0; b < known_.size(); ++b) {
+      for (int n = 0; n <= KnownSurface::kOwn; ++n) {
+        if (known_[b].confirmed[n] == BlockMask{}) continue;
+        tests.push_back({.block = Beside(voxels_.blocks[b].block, n)});
+      }
+    }
+    const auto by_block = [](const BlockTests& a, const BlockTests& b) { return a.block < b.block; };
+    std::stable_sort(tests.begin(), tests.end(), by_block);
+    const auto same = [](const BlockTests& a, const BlockTests& b) { return a.block == b.block; };
+    tests.erase(std::unique(tests.begin(), tests.end(), same), tests.end());
+    tbb::parallel_for(size_t{0}, tests.size(), [&](size_t i) { FindTests(tests[i]); });
     std::vector<uint8_t> wanted(voxels_.offset.size());
     for (const BlockTests& block : tests) {
       for (const auto& [voxel, offset] : block.tests) wanted[voxel] = 1;
     }
     fields_.Train(wanted);
-    std::vector<BlockResult> results(blocks.size());
-    tbb::parallel_for(size_t{0}, blocks.size(),
-                      [&](size_t i) { results[i] = ObserveBlock(blocks[i], tests[i]); });
+    std::vector<BlockResult> results(tests.size());
+    tbb::parallel_for(size_t{0}, tests.size(),
+                      [&](size_t i) { results[i] = ObserveBlock(tests[i]); });
     return results;
   }
 
-  float reach_voxels() const { return reach_voxels_; }
-
  private:
-  // Surface voxels whose centroid lies on the stored surface, where that was seen often enough.
-  void FindConverged(size_t b) {
-    const LocalVoxels::Block& block = voxels_.blocks[b];
-    StoredSurface stored(existing_, block.block);
-    if (stored.empty()) return;
-    const float h = static_cast<float>(voxels_.voxel_size_m);
-    for (uint32_t i = block.begin; i < block.end; ++i) {
-      const int o = voxels_.offset[i];
-      const float mean = stored.mean(o);
-      if (!(stored.weight(o) >= ConvergedWeight(mean / h, frames_))) continue;
-      const Eigen::Vector3f normal = stored.Normal(o);
-      if (normal.isZero()) continue;
-      const Eigen::Vector3f centre =
-          (VoxelAt({0, 0, 0}, o).cast<float>() + Eigen::Vector3f::Constant(0.5f)) * h;
-      const float off = mean + normal.dot(voxels_.centroid[i] - centre);
-      converged_[i] = std::abs(off) < kConvergedVoxels * h;
-    }
-  }
-
-  BlockTests TestsOf(const BlockIndex& block) const {
-    const NearestVoxels nearest =
-        NearestSurface(voxels_, table_, fields_.strays(), block, reach_voxels_);
-    const float* mean = existing_.MeanBlock(block);
-    const float* weight = existing_.WeightBlock(block);
-    const float per_h = 1.f / static_cast<float>(voxels_.voxel_size_m);
-    BlockTests out;
-    for (int o = 0; o < kBlockVoxels; ++o) {
-      const int32_t voxel = nearest.voxel[o];
-      if (voxel < 0) continue;
-      if (mean && weight && converged_[voxel]) {
-        const float m = mean[o] * per_h;
-        if (weight[o] > 0 ? weight[o] >= ConvergedWeight(m, frames_)
-                          : nearest.squared_voxels[o] > kInnerVoxels * kInnerVoxels) {
-          if (weight[o] > 0 && m < kConfirmsVoxels) Set(out.confirmed, o);
-          continue;
-        }
+  // Voxels by their field; each field is evaluated at eight of them at once.
+  void FindTests(BlockTests& out) const {
+    if (out.has_open) {
+      const std::array<int32_t, kBlockVoxels> nearest =
+          NearestSurface(voxels_, table_, fields_.strays(), out.block, reach_voxels_);
+      for (int o = 0; o < kBlockVoxels; ++o) {
+        if (nearest[o] >= 0 && IsOpen(nearest[o])) out.tests.emplace_back(nearest[o], o);
       }
-      out.tests.emplace_back(voxel, o);
+      std::sort(out.tests.begin(), out.tests.end());
     }
-    // Voxels by their field; each field is evaluated at eight of them at once.
-    std::sort(out.tests.begin(), out.tests.end());
-    return out;
+    const std::array<int32_t, 27> around = table_.Around(out.block);
+    for (int n = 0; n <= KnownSurface::kOwn; ++n) {
+      const int32_t from = around[kAroundAt[n]];
+      if (from < 0) continue;
+      const BlockMask& mask = known_[from].confirmed[n == KnownSurface::kOwn ? n : n ^ 1];
+      for (size_t w = 0; w < mask.size(); ++w) out.confirmed[w] |= mask[w];
+    }
+    for (const auto& [voxel, offset] : out.tests) {
+      out.confirmed[offset >> 6] &= ~(uint64_t{1} << (offset & 63));
+    }
   }
 
-  BlockResult ObserveBlock(const BlockIndex& block, const BlockTests& in) const {
+  bool IsOpen(int32_t voxel) const {
+    return Test(open_[fields_.block_id(voxel)], voxels_.offset[voxel]);
+  }
+
+  BlockResult ObserveBlock(const BlockTests& in) const {
+    const BlockIndex& block = in.block;
     std::array<BandValue, kBlockVoxels> values{};
     const auto& tests = in.tests;
     for (size_t i = 0; i < tests.size();) {
@@ -151,7 +141,7 @@ class BandObserver {
     }
     const float* mean = existing_.MeanBlock(block);
     const float* weight = existing_.WeightBlock(block);
-    BlockResult out;
+    BlockResult out{.block = block};
     for (int word = 0; word < 8; ++word) {
       for (uint64_t bits = given[word]; bits; bits &= bits - 1) {
         const int o = word * 64 + __builtin_ctzll(bits);
@@ -221,8 +211,8 @@ class BandObserver {
   const BlockTable table_;
   SurfaceFields fields_;
   const float reach_voxels_;
-  std::vector<uint8_t> converged_;  // by surface voxel
-  float frames_ = kConvergedFrames;
+  std::vector<KnownSurface> known_;  // by block of voxels_
+  std::vector<BlockMask> open_;      // what is not known
 };
 
 }  // namespace
@@ -234,16 +224,13 @@ BandObservations ObserveBand(const LocalVoxels& voxels, const RangeImage& image,
   const double noise_m = image.noise_m();
   const LocalVoxels surface = WithBridges(voxels, image, T_M_X, id, noise_m);
   BandObserver observer(surface, image, T_M_X, id, existing, noise_m, options);
-  const std::vector<BlockIndex> blocks = BandBlocksOf(surface, observer.reach_voxels());
-  const std::vector<BlockResult> results = observer.Observe(blocks);
-  for (size_t i = 0; i < blocks.size(); ++i) {
-    const BlockResult& r = results[i];
+  for (const BlockResult& r : observer.Observe()) {
     if (r.offset.empty()) continue;
     const uint32_t begin = static_cast<uint32_t>(out.offset.size());
     out.offset.insert(out.offset.end(), r.offset.begin(), r.offset.end());
     out.distance_m.insert(out.distance_m.end(), r.distance_m.begin(), r.distance_m.end());
     out.weight.insert(out.weight.end(), r.weight.begin(), r.weight.end());
-    out.blocks.push_back({blocks[i], begin, static_cast<uint32_t>(out.offset.size())});
+    out.blocks.push_back({r.block, begin, static_cast<uint32_t>(out.offset.size())});
   }
   return out;
 }

@@ -40,6 +40,7 @@ class SurfaceFields {
   const Eigen::Vector3f& normal(uint32_t voxel) const { return normal_[voxel]; }
   // Voxels of few points beside voxels of many are noise; they have no field. By voxel, 0 or 1.
   const std::vector<uint8_t>& strays() const { return stray_; }
+  uint32_t block_id(uint32_t voxel) const { return block_of_[voxel]; }
   const BlockIndex& block_of(uint32_t voxel) const {
     return voxels_.blocks[block_of_[voxel]].block;
   }
