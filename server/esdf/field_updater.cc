@@ -5,8 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 
 #include "server/esdf/site_references.h"
 #include "server/esdf/sweep.h"
@@ -82,7 +80,6 @@ DistanceField FieldUpdater::Update(const SurfaceMap& map,
   Finish();
   Publish();
   stats_.finish_ms = watch.Lap();
-  if (getenv("INSTR")) fprintf(stderr, "field changed %zu extracted %zu fresh %zu gone %zu scanned %zu repaired %zu seeded %zu swept %zu rounds %zu written %zu ms %.1f %.1f %.1f %.1f %.1f\n", changed_blocks.size(), stats_.extracted_blocks, stats_.fresh_sites, stats_.gone_sites, stats_.scanned_blocks, stats_.repaired_blocks, stats_.seeded_blocks, stats_.swept_blocks, stats_.rounds, stats_.written_blocks, stats_.extract_ms, stats_.repair_ms, stats_.seed_ms, stats_.sweep_ms, stats_.finish_ms);
   return field_;
 }
 
