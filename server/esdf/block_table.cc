@@ -36,26 +36,36 @@ void BlockTable::Prepare(int32_t id) {
   if (record.data && record.written_in == update_) return;
   if (record.written_in != update_) written_.push_back(id);
   record.written_in = update_;
-  record.copy_from = record.data.get();
   record.filled = false;
-  std::shared_ptr<FieldBlock> fresh = pool_.Take();
-  // The pool keeps a retired block as it is at least until the next Begin().
-  if (record.data) pool_.Retire(std::move(record.data));
-  record.data = std::move(fresh);
+  record.replaced = std::move(record.data);
+  record.data = pool_.Take();
 }
 
 FieldBlock& BlockTable::Fill(int32_t id) {
   BlockRecord& record = records_[id];
   if (record.filled) return *record.data;
   record.filled = true;
-  if (record.copy_from) {
-    *record.data = *record.copy_from;
+  if (record.replaced) {
+    *record.data = *record.replaced;
   } else {
     FieldVoxel empty;
     empty.attributes = record.tile;
     record.data->voxels.fill(empty);
   }
   return *record.data;
+}
+
+void BlockTable::Commit(int32_t id) {
+  BlockRecord& record = records_[id];
+  if (record.replaced) pool_.Retire(std::move(record.replaced));
+  record.replaced = nullptr;
+}
+
+void BlockTable::TakeBack(int32_t id) {
+  BlockRecord& record = records_[id];
+  pool_.Retire(std::move(record.data));
+  record.data = std::move(record.replaced);
+  record.replaced = nullptr;
 }
 
 void BlockTable::MakeUniform(int32_t id, uint8_t tile) {

@@ -27,7 +27,7 @@ struct BlockRecord {
   BlockIndex index;
   std::array<int32_t, kFaces> neighbour;  // record ids, kNoBlock where there is none
   std::shared_ptr<FieldBlock> data;
-  const FieldBlock* copy_from = nullptr;  // what Fill() copies; null: `tile`
+  std::shared_ptr<FieldBlock> replaced;  // what `data` was before this update; null: `tile`
   bool filled = true;
   uint8_t tile = 0;
   int32_t sites = kNoBlock;  // id in the site table
@@ -68,6 +68,10 @@ class BlockTable {
   }
   // Blocks that Prepare() was called for since Begin(), in that order.
   const std::vector<int32_t>& written() const { return written_; }
+  // Once every write is done, for each written block: drops what was replaced, or takes it back,
+  // where both are alike.
+  void Commit(int32_t id);
+  void TakeBack(int32_t id);
   // Gives the data up: the block is uniform from now on.
   void MakeUniform(int32_t id, uint8_t tile);
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstring>
 
 #include "server/esdf/site_references.h"
 #include "server/esdf/sweep.h"
@@ -49,6 +50,27 @@ bool StatesDiffer(const BlockRecord& record, const std::array<uint8_t, kBlockVox
     differs |= (bits & (bits & kStateBits ? kVoxelBits : kVoxelBits & ~kNegativeBit)) ^ states[o];
   }
   return differs != 0;
+}
+
+// Voxels that are not alike; `same_sites`: none of them differs in its site.
+BlockMask DifferingVoxels(const FieldBlock& a, const FieldBlock& b, bool* same_sites) {
+  constexpr uint64_t kSite = 0x0000ffffffffffffull | uint64_t{kSiteBits} << 48;
+  BlockMask differs{};
+  uint64_t any = 0;
+  for (int word = 0; word < 8; ++word) {
+    uint64_t x[64], y[64];
+    std::memcpy(x, &a.voxels[word * 64], sizeof(x));
+    std::memcpy(y, &b.voxels[word * 64], sizeof(y));
+    uint64_t in_word = 0;
+    for (int o = 0; o < 64; ++o) in_word |= x[o] ^ y[o];
+    if (in_word == 0) continue;
+    any |= in_word;
+    uint64_t bits = 0;
+    for (int o = 0; o < 64; ++o) bits |= uint64_t{x[o] != y[o]} << o;
+    differs[word] = bits;
+  }
+  *same_sites = (any & kSite) == 0;
+  return differs;
 }
 
 }  // namespace
@@ -144,7 +166,9 @@ void FieldUpdater::Accept(const Extraction& extraction) {
       FieldBlock& block = table_.Write(extraction.id);
       for (int o = 0; o < kBlockVoxels; ++o) {
         uint16_t& attributes = block.voxels[o].attributes;
-        attributes = (attributes & kSiteBits) | states[o];
+        // Nothing known, as before: Finish() looks at the sign only where the site differs.
+        const int keep = (attributes & kStateBits) == 0 && states[o] == 0 ? kNegativeBit : 0;
+        attributes = (attributes & (kSiteBits | keep)) | states[o];
       }
     }
   }
@@ -291,65 +315,77 @@ void FieldUpdater::Propagate(const std::vector<SeedTask>& tasks) {
   }
 }
 
-void FieldUpdater::FinishBlock(int32_t id) {
+bool FieldUpdater::LiesBehind(const FieldVoxel& v) const {
+  const int32_t squared = SquaredUnits(v);
+  if (squared > squared_inside_) return false;  // or no site at all
+  // Behind: the way to the site leads along its normal, within 70 degrees. Beside the rim of a
+  // surface it does not, and nothing is known there.
+  constexpr float kBehindCosine = 0.35f;
+  const Eigen::Vector3f& n = normals_[static_cast<size_t>(v.normal_code())];
+  const float along = v.dx * n.x() + v.dy * n.y() + v.dz * n.z();
+  return along > 0 && along * along > kBehindCosine * kBehindCosine * squared;
+}
+
+FieldUpdater::Outcome FieldUpdater::FinishBlock(int32_t id) {
   BlockRecord& record = table_[id];
-  if (!record.data) return;
   FieldBlock& block = *record.data;
-  std::array<uint16_t, kBlockVoxels> unknown;
-  int count = 0;
-  for (int o = 0; o < kBlockVoxels; ++o) {
-    unknown[count] = static_cast<uint16_t>(o);
-    count += (block.voxels[o].attributes & kStateBits) == 0;
+  // Voxels that did not change keep the sign they have.
+  BlockMask differs = kFullMask;
+  Outcome out;
+  if (record.replaced) {
+    differs = DifferingVoxels(block, *record.replaced, &out.same_sites);
+    out.same = true;
   }
-  for (int i = 0; i < count; ++i) {
-    FieldVoxel& v = block.voxels[unknown[i]];
-    v.attributes &= ~kNegativeBit;
-    const int32_t squared = SquaredUnits(v);
-    if (squared > squared_inside_) continue;  // or no site at all
-    // Behind: the way to the site leads along its normal, within 70 degrees. Beside the rim of a
-    // surface it does not, and nothing is known there.
-    constexpr float kBehindCosine = 0.35f;
-    const Eigen::Vector3f& n = normals_[static_cast<size_t>(v.normal_code())];
-    const float along = v.dx * n.x() + v.dy * n.y() + v.dz * n.z();
-    if (along > 0 && along * along > kBehindCosine * kBehindCosine * squared) {
-      v.attributes |= kNegativeBit;
+  ForEachSet(differs, [&](int o) {
+    FieldVoxel& v = block.voxels[o];
+    if ((v.attributes & kStateBits) == 0) {
+      v.attributes &= ~kNegativeBit;
+      if (LiesBehind(v)) v.attributes |= kNegativeBit;
     }
+    out.same = out.same && v == record.replaced->voxels[o];
+  });
+  if (out.same) return out;
+  const FieldVoxel& first = block.voxels[0];
+  out.uniform = !first.has_site() &&
+                std::all_of(block.voxels.begin(), block.voxels.end(),
+                            [&](const FieldVoxel& v) { return v == first; });
+  if (out.same_sites) return out;
+  for (const BlockIndex& b : ReferencedBlocks(record.index, block)) {
+    out.references.push_back(table_[table_.Find(b)].sites);
   }
+  std::sort(out.references.begin(), out.references.end());
+  return out;
 }
 
 void FieldUpdater::Finish() {
   const std::vector<int32_t>& written = table_.written();
   stats_.written_blocks = written.size();
-  struct Outcome {
-    bool uniform;
-    absl::InlinedVector<int32_t, 8> references;
-  };
   std::vector<Outcome> outcomes(written.size());
-  tbb::parallel_for(size_t{0}, written.size(), [&](size_t i) {
-    FinishBlock(written[i]);
-    const BlockRecord& record = table_[written[i]];
-    if (!record.data) return;
-    const FieldVoxel& first = record.data->voxels[0];
-    outcomes[i].uniform =
-        !first.has_site() && std::all_of(record.data->voxels.begin(), record.data->voxels.end(),
-                                         [&](const FieldVoxel& v) { return v == first; });
-    for (const BlockIndex& b : ReferencedBlocks(record.index, *record.data)) {
-      outcomes[i].references.push_back(table_[table_.Find(b)].sites);
-    }
-    std::sort(outcomes[i].references.begin(), outcomes[i].references.end());
-  });
+  tbb::parallel_for(size_t{0}, written.size(),
+                    [&](size_t i) { outcomes[i] = FinishBlock(written[i]); });
+  shown_.clear();
   for (size_t i = 0; i < written.size(); ++i) {
-    BlockRecord& record = table_[written[i]];
-    for (int32_t s : outcomes[i].references) {
-      if (!std::binary_search(record.references.begin(), record.references.end(), s)) {
-        sites_[s].referrers.push_back(written[i]);
-      }
+    const int32_t id = written[i];
+    BlockRecord& record = table_[id];
+    if (outcomes[i].same) {
+      table_.TakeBack(id);
+      continue;
     }
-    record.references = std::move(outcomes[i].references);
-    if (record.data && outcomes[i].uniform) {
-      table_.MakeUniform(written[i], record.data->voxels[0].attributes & kVoxelBits);
+    table_.Commit(id);
+    shown_.push_back(id);
+    if (!outcomes[i].same_sites) {
+      for (int32_t s : outcomes[i].references) {
+        if (!std::binary_search(record.references.begin(), record.references.end(), s)) {
+          sites_[s].referrers.push_back(id);
+        }
+      }
+      record.references = std::move(outcomes[i].references);
+    }
+    if (outcomes[i].uniform) {
+      table_.MakeUniform(id, record.data->voxels[0].attributes & kVoxelBits);
     }
   }
+  stats_.shown_blocks = shown_.size();
   for (int32_t s : changed_sites_) sites_[s].Settle();
 }
 
@@ -360,7 +396,7 @@ void FieldUpdater::PublishBlock(int32_t id) {
 }
 
 void FieldUpdater::Publish() {
-  for (int32_t id : table_.written()) PublishBlock(id);
+  for (int32_t id : shown_) PublishBlock(id);
   for (int32_t id : retiled_) PublishBlock(id);
 }
 

@@ -47,7 +47,8 @@ class FieldUpdater {
     size_t seeded_blocks = 0;
     size_t swept_blocks = 0;  // counted with repetition
     size_t rounds = 0;
-    size_t written_blocks = 0;  // new blocks in the returned field
+    size_t written_blocks = 0;  // copied to be written ...
+    size_t shown_blocks = 0;    // ... and new in the returned field
     double extract_ms = 0, repair_ms = 0, seed_ms = 0, sweep_ms = 0, finish_ms = 0;
   };
 
@@ -101,7 +102,15 @@ class FieldUpdater {
   void Seed(const std::vector<SeedTask>& tasks);
   void Propagate(const std::vector<SeedTask>& tasks);
   void Finish();
-  void FinishBlock(int32_t id);
+  // What became of a written block.
+  struct Outcome {
+    bool same = false;     // as before
+    bool uniform = false;  // no site, every voxel alike
+    bool same_sites = false;
+    absl::InlinedVector<int32_t, 8> references{};  // unless same_sites
+  };
+  Outcome FinishBlock(int32_t id);
+  bool LiesBehind(const FieldVoxel& v) const;
   void PublishBlock(int32_t id);
   void Publish();
 
@@ -114,6 +123,7 @@ class FieldUpdater {
   SiteTable sites_;
   std::vector<int32_t> changed_sites_;   // site blocks that this update changed
   std::vector<int32_t> retiled_;         // blocks whose tile this update changed
+  std::vector<int32_t> shown_;           // written blocks that differ from what was published
   std::vector<Extraction> extractions_;  // reused memory
   DistanceField field_;
   Stats stats_;

@@ -112,7 +112,7 @@ class BlockFuser {
       });
       ForEach(w.free->hit, [&](int o) {
         FreeEvidence e = FreeEvidence::Unpack(evidence_[o]);
-        w.changed |= e.returns == 0;
+        w.changed |= evidence_[o] == 0;  // observed from now on
         e.returns = Increment(e.returns);
         e.contradicted = 0;
         evidence_[o] = e.Pack();

@@ -97,9 +97,11 @@ TEST(ReleaseClaimed, ReleasesWhatBruteForceDoes) {
     VoxelSet released;
     const std::vector<ReleasedBlock> blocks = ReleaseClaimed(object, StaticReturns(returns), map);
     for (size_t i = 0; i < blocks.size(); ++i) {
-      if (i > 0) EXPECT_LT(blocks[i - 1].block, blocks[i].block);
+      if (i > 0) {
+        EXPECT_LT(blocks[i - 1].block, blocks[i].block);
+      }
       for (int o = 0; o < kBlockVoxels; ++o) {
-        if (Test(blocks[i].voxels, o)) released.insert(Key(VoxelAt(blocks[i].block, o)));
+        if (clearance::Test(blocks[i].voxels, o)) released.insert(Key(VoxelAt(blocks[i].block, o)));
       }
     }
     EXPECT_EQ(released, expected);
@@ -125,7 +127,7 @@ TEST(Dilated, GrowsAcrossBlockBordersAsBruteForceDoes) {
     }
     const BlockMask grown = Dilated(around);
     for (int o = 0; o < kBlockVoxels; ++o) {
-      ASSERT_EQ(Test(grown, o), Near(set, VoxelAt({0, 0, 0}, o))) << o;
+      ASSERT_EQ(clearance::Test(grown, o), Near(set, VoxelAt({0, 0, 0}, o))) << o;
     }
   }
 }
