@@ -3,9 +3,9 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <cmath>
-#include <cstring>
 
 #include "server/esdf/site_references.h"
 #include "server/esdf/sweep.h"
@@ -52,21 +52,22 @@ bool StatesDiffer(const BlockRecord& record, const std::array<uint8_t, kBlockVox
   return differs != 0;
 }
 
+uint64_t Bits(const FieldVoxel& v) { return std::bit_cast<uint64_t>(v); }
+
 // Voxels that are not alike; `same_sites`: none of them differs in its site.
 BlockMask DifferingVoxels(const FieldBlock& a, const FieldBlock& b, bool* same_sites) {
   constexpr uint64_t kSite = 0x0000ffffffffffffull | uint64_t{kSiteBits} << 48;
   BlockMask differs{};
   uint64_t any = 0;
   for (int word = 0; word < 8; ++word) {
-    uint64_t x[64], y[64];
-    std::memcpy(x, &a.voxels[word * 64], sizeof(x));
-    std::memcpy(y, &b.voxels[word * 64], sizeof(y));
+    const FieldVoxel* x = &a.voxels[word * 64];
+    const FieldVoxel* y = &b.voxels[word * 64];
     uint64_t in_word = 0;
-    for (int o = 0; o < 64; ++o) in_word |= x[o] ^ y[o];
+    for (int o = 0; o < 64; ++o) in_word |= Bits(x[o]) ^ Bits(y[o]);
     if (in_word == 0) continue;
     any |= in_word;
     uint64_t bits = 0;
-    for (int o = 0; o < 64; ++o) bits |= uint64_t{x[o] != y[o]} << o;
+    for (int o = 0; o < 64; ++o) bits |= uint64_t{Bits(x[o]) != Bits(y[o])} << o;
     differs[word] = bits;
   }
   *same_sites = (any & kSite) == 0;
