@@ -45,15 +45,16 @@ class Knower {
       if (!(weight > 0) || std::abs(mean) > h_ || !(weight >= WeightAfter(looks, mean / h_))) {
         continue;
       }
-      const Eigen::Vector3f normal = stored_.Normal(o);
+      const StoredSurface::Around around = stored_.AroundOf(o);
+      const Eigen::Vector3f normal = stored_.Normal(o, around);
       if (normal.isZero()) continue;
       const Eigen::Vector3f centre =
           (VoxelAt({0, 0, 0}, o).cast<float>() + Eigen::Vector3f::Constant(0.5f)) * h_;
       const float off = mean + normal.dot(voxels_.centroid[i] - centre);
-      if (!(std::abs(off) < kOnSurface * h_) || !HasBand(o, normal, mean)) continue;
+      if (!(std::abs(off) < kOnSurface * h_) || !HasBand(around, normal, mean)) continue;
       Set(known_.converged, o);
       Set(known_.confirmed[KnownSurface::kOwn], o);
-      ConfirmBeside(o, normal, mean);
+      ConfirmBeside(around, normal, mean);
     }
     return known_;
   }
@@ -61,29 +62,26 @@ class Knower {
  private:
   // Before and behind the voxel, along the axis that its normal is closest to, as far as the band
   // is sure to reach.
-  bool HasBand(int o, const Eigen::Vector3f& normal, float mean) {
+  bool HasBand(const StoredSurface::Around& around, const Eigen::Vector3f& normal, float mean) {
     int axis;
     normal.cwiseAbs().maxCoeff(&axis);
     for (int side = -1; side <= 1; side += 2) {
       const float expected = mean + static_cast<float>(side) * normal[axis] * h_;
       if (std::abs(expected) < kSureBand * h_ &&
-          stored_.Beside(o, axis, side).weight < kLeastWeight) {
+          around[2 * axis + (side > 0)].weight < kLeastWeight) {
         return false;
       }
     }
     return true;
   }
 
-  void ConfirmBeside(int o, const Eigen::Vector3f& normal, float mean) {
-    for (int axis = 0; axis < 3; ++axis) {
-      for (int side = -1; side <= 1; side += 2) {
-        const float expected = mean + static_cast<float>(side) * normal[axis] * h_;
-        if (std::abs(expected) > (kInCube + kSamePlane) * h_) continue;
-        const StoredSurface::Voxel v = stored_.Beside(o, axis, side);
-        if (!(v.weight > 0) || std::abs(v.mean) > kInCube * h_ ||
-            std::abs(v.mean - expected) > kSamePlane * h_) {
-          continue;
-        }
+  void ConfirmBeside(const StoredSurface::Around& around, const Eigen::Vector3f& normal,
+                     float mean) {
+    for (int n = 0; n < 6; ++n) {
+      const StoredSurface::Voxel& v = around[n];
+      const float expected = mean + (n & 1 ? normal[n >> 1] : -normal[n >> 1]) * h_;
+      if (v.weight > 0 && std::abs(v.mean) <= kInCube * h_ &&
+          std::abs(v.mean - expected) <= kSamePlane * h_) {
         Set(known_.confirmed[v.block], v.offset);
       }
     }

@@ -35,7 +35,9 @@ class Bridger {
                     : options.widest_gap_voxels * h)),
         deviation_m_(static_cast<float>(options.deviation_voxels * h)) {}
 
+  // A gap outside these is not bridged.
   float narrowest_m() const { return narrowest_m_; }
+  float widest_m() const { return widest_m_; }
 
   bool Usable(int u, int v) const {
     return u >= 0 && v >= 0 && u < image_.width() && v < image_.height() &&
@@ -94,22 +96,30 @@ void BridgeRow(const RangeImage& image, const Bridger& bridger, const RangeImage
     bridger.Bridge(has_before ? &before : nullptr, image.Point(u - du, v - dv), image.Point(u, v),
                    has_behind ? &behind : nullptr, out);
   };
-  const float pixel_rad = static_cast<float>(image.pixel_rad());
-  // A gap needs a jump in depth, or pixels as wide as itself.
   const float* row = image.measures().data() + static_cast<size_t>(v) * image.width();
   const float* above = v > 0 ? row - image.width() : row;
-  const float narrowest_m = 0.7f * bridger.narrowest_m();
+  const float inverse_fx = 1.f / image.fx();
+  const float y = (static_cast<float>(v) - image.cy()) / image.fy();
+  const float y_step = 1.f / image.fy();
   const float farthest_m = static_cast<float>(image.max_range_m());
+  // Bridge() decides with other roundings.
+  const float least2 = 0.99f * bridger.narrowest_m() * bridger.narrowest_m();
+  const float most2 = 1.01f * bridger.widest_m() * bridger.widest_m();
   std::array<uint8_t, kAtOnce> gaps;
   for (int first = box.u0; first <= box.u1; first += kAtOnce) {
     const int count = std::min(kAtOnce, box.u1 + 1 - first);
     for (int k = 0; k < count; ++k) {  // without branches, for the vectoriser
       const int u = first + k;
-      const float m = row[u], left = row[u > 0 ? u - 1 : 0];
-      const float jump_m = narrowest_m - 2.f * m * pixel_rad;
+      const float m = row[u], left = row[u > 0 ? u - 1 : 0], up = above[u];
+      const float x = (static_cast<float>(u) - image.cx()) * inverse_fx;
+      const float to_left = m - left, to_up = m - up;
+      const float left_x = x * to_left + inverse_fx * left, up_y = y * to_up + y_step * up;
+      const float left2 = to_left * to_left * (1.f + y * y) + left_x * left_x;
+      const float up2 = to_up * to_up * (1.f + x * x) + up_y * up_y;
       const bool usable = (m > 0.f) & (m <= farthest_m);
-      gaps[k] = static_cast<uint8_t>((usable & (std::abs(m - left) > jump_m)) |
-                                     ((usable & (std::abs(m - above[u]) > jump_m)) << 1));
+      const bool at_left = usable & (left > 0.f) & (left2 > least2) & (left2 < most2);
+      const bool at_up = usable & (up > 0.f) & (up2 > least2) & (up2 < most2);
+      gaps[k] = static_cast<uint8_t>(at_left | (at_up << 1));
     }
     for (int k = 0; k < count; ++k) {
       if (gaps[k] & 1) bridge(first + k, 1, 0);

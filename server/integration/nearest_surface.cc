@@ -62,7 +62,8 @@ std::vector<BlockIndex> BandBlocksOf(const LocalVoxels& voxels, const std::vecto
 
 std::array<int32_t, kBlockVoxels> NearestSurface(const LocalVoxels& voxels, const BlockTable& table,
                                                  const std::vector<uint8_t>& skip,
-                                                 const BlockIndex& block, float reach_voxels) {
+                                                 const BlockIndex& block, float reach_voxels,
+                                                 uint64_t rows) {
   constexpr Lanes kCentres = {0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f};
   const int reach = ReachInVoxels(reach_voxels);
   const float per_h = 1.f / static_cast<float>(voxels.voxel_size_m);
@@ -85,9 +86,10 @@ std::array<int32_t, kBlockVoxels> NearestSurface(const LocalVoxels& voxels, cons
       for (int x = x0; x <= x1; ++x) {
         const float dx = static_cast<float>(x) + 0.5f - c.x();
         for (int y = y0; y <= y1; ++y) {
+          const int row = x * kBlockSide + y;
+          if (!(rows >> row & 1)) continue;
           const float dy = static_cast<float>(y) + 0.5f - c.y();
           const Lanes d2 = dz2 + (dx * dx + dy * dy);
-          const int row = x * kBlockSide + y;
           const LanesInt nearer = d2 < best[row];
           best[row] = Select(nearer, d2, best[row]);
           nearest[row] = nearer ? LanesInt{} + static_cast<int32_t>(i) : nearest[row];
@@ -100,6 +102,34 @@ std::array<int32_t, kBlockVoxels> NearestSurface(const LocalVoxels& voxels, cons
     for (int z = 0; z < kBlockSide; ++z) out[row * kBlockSide + z] = nearest[row][z];
   }
   return out;
+}
+
+uint64_t RowsWithin(const BlockTable& table,
+                    const std::vector<BlockMask>& of, const BlockIndex& block,
+                    float reach_voxels) {
+  const int reach = ReachInVoxels(reach_voxels);
+  const std::array<int32_t, 27> around = table.Around(block);
+  uint64_t rows = 0;
+  for (int k = 0; k < 27; ++k) {
+    if (around[k] < 0) continue;
+    const BlockMask& mask = of[around[k]];
+    const Eigen::Vector3i step = StepAround(k) * kBlockSide;
+    for (int layer = 0; layer < kBlockSide; ++layer) {
+      if (mask[layer] == 0) continue;
+      const int x = layer + step.x();
+      const int x0 = std::max(0, x - reach), x1 = std::min(kBlockSide - 1, x + reach);
+      if (x0 > x1) continue;
+      uint32_t columns = 0;  // bits y of this block
+      for (int y = 0; y < kBlockSide; ++y) {
+        if ((mask[layer] >> (8 * y) & 0xff) == 0) continue;
+        const int at = y + step.y();
+        const int y0 = std::max(0, at - reach), y1 = std::min(kBlockSide - 1, at + reach);
+        if (y0 <= y1) columns |= (2u << y1) - (1u << y0);
+      }
+      for (int i = x0; i <= x1; ++i) rows |= uint64_t{columns} << (8 * i);
+    }
+  }
+  return rows;
 }
 
 }  // namespace clearance

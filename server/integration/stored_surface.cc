@@ -43,31 +43,32 @@ const StoredSurface::Leaf& StoredSurface::Neighbour(int n) {
 }
 
 StoredSurface::Voxel StoredSurface::Beside(int offset, int axis, int side) {
-  const int at = (offset / kStride[axis]) & 7;
-  if (at + side >= 0 && at + side <= 7) {
-    const int other = offset + side * kStride[axis];
+  const int at = (offset >> (6 - 3 * axis)) & 7, stride = kStride[axis];
+  if (static_cast<unsigned>(at + side) < 8u) {
+    const int other = offset + side * stride;
     return {mean_[other], weight_[other], 6, other};
   }
   const int n = 2 * axis + (side > 0);
-  const int other = offset - side * 7 * kStride[axis];
+  const int other = offset - side * 7 * stride;
   const Leaf& leaf = Neighbour(n);
   if (!leaf.mean || !leaf.weight) return {0, 0, n, other};
   return {leaf.mean[other], leaf.weight[other], n, other};
 }
 
-bool StoredSurface::Difference(int offset, int axis, int side, float* difference) {
-  const Voxel beside = Beside(offset, axis, side);
-  if (!(beside.weight > 0.f)) return false;
-  *difference = static_cast<float>(side) * (beside.mean - mean_[offset]);
-  return std::abs(*difference) < kMaxJumpVoxels * h_;
+StoredSurface::Around StoredSurface::AroundOf(int offset) {
+  Around around;
+  for (int n = 0; n < 6; ++n) around[n] = Beside(offset, n >> 1, n & 1 ? 1 : -1);
+  return around;
 }
 
-Eigen::Vector3f StoredSurface::Normal(int offset) {
+Eigen::Vector3f StoredSurface::Normal(int offset, const Around& around) const {
+  const float own = mean_[offset], limit = kMaxJumpVoxels * h_;
   Eigen::Vector3f gradient;
   for (int axis = 0; axis < 3; ++axis) {
-    float below = 0.f, above = 0.f;
-    const bool has_below = Difference(offset, axis, -1, &below);
-    const bool has_above = Difference(offset, axis, +1, &above);
+    const Voxel &before = around[2 * axis], &after = around[2 * axis + 1];
+    const float below = own - before.mean, above = after.mean - own;
+    const bool has_below = (before.weight > 0.f) & (std::abs(below) < limit);
+    const bool has_above = (after.weight > 0.f) & (std::abs(above) < limit);
     if (!has_below && !has_above) return Eigen::Vector3f::Zero();
     const float sum = (has_below ? below : 0.f) + (has_above ? above : 0.f);
     gradient[axis] = has_below && has_above ? 0.5f * sum : sum;

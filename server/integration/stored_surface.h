@@ -27,17 +27,20 @@ class StoredSurface {
   float mean(int offset) const { return mean_[offset]; }
   float weight(int offset) const { return weight_[offset]; }
 
-  // Unit gradient of the mean in the map's frame. Zero where the neighbours do not tell, that is
-  // where the mean does not change by about a metre a metre; differences above 1.5 voxels lie
-  // across two surfaces and are left out.
-  Eigen::Vector3f Normal(int offset);
-
   // The voxel one step (side: -1 or 1) along an axis. Weight 0 where nothing is stored.
   struct Voxel {
     float mean = 0, weight = 0;
     int block = 6, offset = 0;  // block: 0..5 beside this one (-x, +x, -y, ...), 6: this one
   };
   Voxel Beside(int offset, int axis, int side);
+  using Around = std::array<Voxel, 6>;  // -x, +x, -y, +y, -z, +z
+  Around AroundOf(int offset);
+
+  // Unit gradient of the mean in the map's frame. Zero where the neighbours do not tell, that is
+  // where the mean does not change by about a metre a metre; differences above 1.5 voxels lie
+  // across two surfaces and are left out.
+  Eigen::Vector3f Normal(int offset) { return Normal(offset, AroundOf(offset)); }
+  Eigen::Vector3f Normal(int offset, const Around& around) const;
 
  private:
   struct Leaf {
@@ -45,8 +48,6 @@ class StoredSurface {
     const float* weight = nullptr;
   };
   const Leaf& Neighbour(int n);  // looked up when first needed
-  // The difference of the mean from `offset` one voxel along an axis; false where it is not known.
-  bool Difference(int offset, int axis, int side, float* difference);
 
   const SurfaceMap* map_ = nullptr;
   BlockIndex block_;

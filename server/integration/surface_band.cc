@@ -103,7 +103,8 @@ class BandObserver {
   void FindTests(BlockTests& out) const {
     if (out.has_open) {
       const std::array<int32_t, kBlockVoxels> nearest =
-          NearestSurface(voxels_, table_, fields_.strays(), out.block, reach_voxels_);
+          NearestSurface(voxels_, table_, fields_.strays(), out.block, reach_voxels_,
+                         RowsWithin(table_, open_, out.block, reach_voxels_));
       for (int o = 0; o < kBlockVoxels; ++o) {
         if (nearest[o] >= 0 && IsOpen(nearest[o])) out.tests.emplace_back(nearest[o], o);
       }

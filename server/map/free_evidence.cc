@@ -2,10 +2,6 @@
 
 namespace clearance {
 
-bool IsFree(FreeEvidence e, const FreeRules& rules) {
-  return e.probable >= rules.min_probable_frames;
-}
-
 bool IsConfidentlyFree(const int32_t* evidence, const float* weight, int h,
                        const FreeRules& rules) {
   if (FreeEvidence::Unpack(evidence[h]).confident < rules.min_confident_frames) return false;

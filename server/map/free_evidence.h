@@ -13,7 +13,9 @@ struct FreeRules {
 };
 
 // Whether a voxel's evidence alone means free (a surface in the cube outranks it; the caller decides).
-bool IsFree(FreeEvidence e, const FreeRules& rules = {});
+inline bool IsFree(FreeEvidence e, const FreeRules& rules = {}) {
+  return e.probable >= rules.min_probable_frames;
+}
 
 // High confidence: seen wholly empty in several frames, and each of the 26 neighbours was observed
 // (evidence or band weight). `evidence` and `weight` are halo blocks, `h` a HaloOffset inside 0..7.

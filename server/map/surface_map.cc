@@ -235,15 +235,6 @@ const float* LeafData(const Tree& tree, const BlockIndex& block) {
 
 }  // namespace
 
-FreeEvidence FreeEvidence::Unpack(int32_t packed) {
-  return {static_cast<uint8_t>(packed), static_cast<uint8_t>(packed >> 8),
-          static_cast<uint8_t>(packed >> 16), static_cast<uint8_t>(packed >> 24)};
-}
-
-int32_t FreeEvidence::Pack() const {
-  return confident | (probable << 8) | (contradicted << 16) | (returns << 24);
-}
-
 SurfaceMap::SurfaceMap(double voxel_size_m)
     : voxel_size_m_(voxel_size_m), grids_(std::make_unique<SurfaceGrids>()) {
   grids_->mean = openvdb::FloatGrid::create(0.f);

@@ -22,8 +22,13 @@ struct FreeEvidence {
   uint8_t contradicted = 0;  // consecutive frames that looked through the stored surface
   uint8_t returns = 0;       // frames with a static return in the cube (saturating)
 
-  static FreeEvidence Unpack(int32_t packed);
-  int32_t Pack() const;
+  static FreeEvidence Unpack(int32_t packed) {
+    return {static_cast<uint8_t>(packed), static_cast<uint8_t>(packed >> 8),
+            static_cast<uint8_t>(packed >> 16), static_cast<uint8_t>(packed >> 24)};
+  }
+  int32_t Pack() const {
+    return confident | (probable << 8) | (contradicted << 16) | (returns << 24);
+  }
 };
 
 enum class RegionAction { kClearToUnknown, kMarkFree, kMarkOccupied };
