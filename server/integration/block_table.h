@@ -89,4 +89,8 @@ class BlockTable {
 // Step, in blocks, from the middle to entry k of BlockTable::Around.
 inline Eigen::Vector3i StepAround(int k) { return {k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1}; }
 
+// By direction (as in BlockTable::Around): the voxels of the block there that lie within `reach`
+// (1 to 8) of the block in the middle, of which it is the neighbour.
+const std::array<BlockMask, 27>& RimMasks(int reach);
+
 }  // namespace clearance

@@ -66,6 +66,7 @@ std::array<int32_t, kBlockVoxels> NearestSurface(const LocalVoxels& voxels, cons
                                                  uint64_t rows) {
   constexpr Lanes kCentres = {0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f};
   const int reach = ReachInVoxels(reach_voxels);
+  const std::array<BlockMask, 27>& rims = RimMasks(reach);
   const float per_h = 1.f / static_cast<float>(voxels.voxel_size_m);
   std::array<Lanes, 64> best;  // squared distance in voxels; a row along z
   std::array<LanesInt, 64> nearest;
@@ -76,8 +77,8 @@ std::array<int32_t, kBlockVoxels> NearestSurface(const LocalVoxels& voxels, cons
     if (around[k] < 0) continue;
     const Eigen::Vector3i step = StepAround(k) * kBlockSide;
     for (uint32_t i = voxels.blocks[around[k]].begin; i < voxels.blocks[around[k]].end; ++i) {
+      if (!Test(rims[k], voxels.offset[i]) || skip[i]) continue;
       const VoxelIndex v = VoxelAt({0, 0, 0}, voxels.offset[i]) + step;
-      if (skip[i] || v.z() < -reach || v.z() >= kBlockSide + reach) continue;
       const Eigen::Vector3f c = voxels.centroid[i] * per_h + step.cast<float>();
       const int x0 = std::max(0, v.x() - reach), x1 = std::min(kBlockSide - 1, v.x() + reach);
       const int y0 = std::max(0, v.y() - reach), y1 = std::min(kBlockSide - 1, v.y() + reach);

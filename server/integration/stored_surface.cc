@@ -42,14 +42,9 @@ const StoredSurface::Leaf& StoredSurface::Neighbour(int n) {
   return neighbours_[n];
 }
 
-StoredSurface::Voxel StoredSurface::Beside(int offset, int axis, int side) {
-  const int at = (offset >> (6 - 3 * axis)) & 7, stride = kStride[axis];
-  if (static_cast<unsigned>(at + side) < 8u) {
-    const int other = offset + side * stride;
-    return {mean_[other], weight_[other], 6, other};
-  }
-  const int n = 2 * axis + (side > 0);
-  const int other = offset - side * 7 * stride;
+StoredSurface::Voxel StoredSurface::Across(int offset, int n) {
+  const int stride = kStride[n >> 1];
+  const int other = n & 1 ? offset - 7 * stride : offset + 7 * stride;
   const Leaf& leaf = Neighbour(n);
   if (!leaf.mean || !leaf.weight) return {0, 0, n, other};
   return {leaf.mean[other], leaf.weight[other], n, other};
@@ -57,7 +52,15 @@ StoredSurface::Voxel StoredSurface::Beside(int offset, int axis, int side) {
 
 StoredSurface::Around StoredSurface::AroundOf(int offset) {
   Around around;
-  for (int n = 0; n < 6; ++n) around[n] = Beside(offset, n >> 1, n & 1 ? 1 : -1);
+  for (int n = 0; n < 6; ++n) {
+    const int axis = n >> 1, at = (offset >> (6 - 3 * axis)) & 7;
+    if (at == (n & 1 ? 7 : 0)) {
+      around[n] = Across(offset, n);
+    } else {
+      const int other = offset + (n & 1 ? kStride[axis] : -kStride[axis]);
+      around[n] = {mean_[other], weight_[other], 6, other};
+    }
+  }
   return around;
 }
 

@@ -27,12 +27,11 @@ class StoredSurface {
   float mean(int offset) const { return mean_[offset]; }
   float weight(int offset) const { return weight_[offset]; }
 
-  // The voxel one step (side: -1 or 1) along an axis. Weight 0 where nothing is stored.
+  // The voxels one step away. Weight 0 where nothing is stored.
   struct Voxel {
     float mean = 0, weight = 0;
     int block = 6, offset = 0;  // block: 0..5 beside this one (-x, +x, -y, ...), 6: this one
   };
-  Voxel Beside(int offset, int axis, int side);
   using Around = std::array<Voxel, 6>;  // -x, +x, -y, +y, -z, +z
   Around AroundOf(int offset);
 
@@ -48,6 +47,7 @@ class StoredSurface {
     const float* weight = nullptr;
   };
   const Leaf& Neighbour(int n);  // looked up when first needed
+  Voxel Across(int offset, int n);
 
   const SurfaceMap* map_ = nullptr;
   BlockIndex block_;

@@ -80,13 +80,14 @@ void SurfaceFields::Train(const std::vector<uint8_t>& wanted) {
 SurfaceFields::Halo SurfaceFields::HaloOf(size_t block) const {
   Halo at;
   at.fill(-1);
+  const std::array<BlockMask, 27>& rims = RimMasks(1);
   const std::array<int32_t, 27> around = table_.Around(voxels_.blocks[block].block);
   for (int k = 0; k < 27; ++k) {
     if (around[k] < 0) continue;
     const Eigen::Vector3i step = StepAround(k) * kBlockSide;
     for (uint32_t i = voxels_.blocks[around[k]].begin; i < voxels_.blocks[around[k]].end; ++i) {
+      if (!Test(rims[k], voxels_.offset[i])) continue;
       const VoxelIndex v = VoxelAt({0, 0, 0}, voxels_.offset[i]) + step;
-      if (v.minCoeff() < -1 || v.maxCoeff() > kBlockSide) continue;
       at[HaloOffset(v.x(), v.y(), v.z())] = static_cast<int32_t>(i);
     }
   }
