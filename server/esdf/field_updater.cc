@@ -3,9 +3,9 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <bit>
 #include <chrono>
 #include <cmath>
+#include <cstring>
 
 #include "server/esdf/site_references.h"
 #include "server/esdf/sweep.h"
@@ -52,25 +52,27 @@ bool StatesDiffer(const BlockRecord& record, const std::array<uint8_t, kBlockVox
   return differs != 0;
 }
 
-uint64_t Bits(const FieldVoxel& v) { return std::bit_cast<uint64_t>(v); }
+typedef uint64_t FourVoxels __attribute__((vector_size(32)));
 
 // Voxels that are not alike; `same_sites`: none of them differs in its site.
 BlockMask DifferingVoxels(const FieldBlock& a, const FieldBlock& b, bool* same_sites) {
   constexpr uint64_t kSite = 0x0000ffffffffffffull | uint64_t{kSiteBits} << 48;
+  static_assert(sizeof(FourVoxels) == 4 * sizeof(FieldVoxel));
+  const auto* x = reinterpret_cast<const char*>(a.voxels.data());
+  const auto* y = reinterpret_cast<const char*>(b.voxels.data());
   BlockMask differs{};
-  uint64_t any = 0;
-  for (int word = 0; word < 8; ++word) {
-    const FieldVoxel* x = &a.voxels[word * 64];
-    const FieldVoxel* y = &b.voxels[word * 64];
-    uint64_t in_word = 0;
-    for (int o = 0; o < 64; ++o) in_word |= Bits(x[o]) ^ Bits(y[o]);
-    if (in_word == 0) continue;
-    any |= in_word;
+  FourVoxels all{};
+  for (int o = 0; o < kBlockVoxels; o += 4) {
+    FourVoxels p, q;
+    std::memcpy(&p, x + o * sizeof(FieldVoxel), sizeof(p));
+    std::memcpy(&q, y + o * sizeof(FieldVoxel), sizeof(q));
+    const FourVoxels d = p ^ q;
+    all |= d;
     uint64_t bits = 0;
-    for (int o = 0; o < 64; ++o) bits |= uint64_t{Bits(x[o]) != Bits(y[o])} << o;
-    differs[word] = bits;
+    for (int k = 0; k < 4; ++k) bits |= uint64_t{d[k] != 0} << k;
+    differs[o >> 6] |= bits << (o & 63);
   }
-  *same_sites = (any & kSite) == 0;
+  *same_sites = ((all[0] | all[1] | all[2] | all[3]) & kSite) == 0;
   return differs;
 }
 

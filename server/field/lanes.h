@@ -32,6 +32,12 @@ inline uint32_t Bits(LanesInt condition) {
 #endif
 }
 
+inline Lanes Load(const float* from) {
+  Lanes out;
+  __builtin_memcpy(&out, from, sizeof(out));
+  return out;
+}
+
 inline Lanes Gather(const float* from, LanesInt index) {
   Lanes out;
   for (int k = 0; k < kLanes; ++k) out[k] = from[index[k]];
@@ -39,9 +45,31 @@ inline Lanes Gather(const float* from, LanesInt index) {
 }
 
 inline Lanes Sqrt(Lanes a) {
+#ifdef __AVX__
+  __m256 value;
+  __builtin_memcpy(&value, &a, sizeof(value));
+  value = _mm256_sqrt_ps(value);
+  __builtin_memcpy(&a, &value, sizeof(value));
+  return a;
+#else
   Lanes out;
   for (int k = 0; k < kLanes; ++k) out[k] = std::sqrt(a[k]);
   return out;
+#endif
+}
+
+inline Lanes Floor(Lanes a) {
+#ifdef __AVX__
+  __m256 value;
+  __builtin_memcpy(&value, &a, sizeof(value));
+  value = _mm256_floor_ps(value);
+  __builtin_memcpy(&a, &value, sizeof(value));
+  return a;
+#else
+  Lanes out;
+  for (int k = 0; k < kLanes; ++k) out[k] = std::floor(a[k]);
+  return out;
+#endif
 }
 
 // exp(x) for x <= 0 to 2e-7 relative; exactly 0 below -80, so that padding far away adds nothing.

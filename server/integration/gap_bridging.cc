@@ -6,7 +6,10 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <utility>
 #include <vector>
+
+#include "server/field/lanes.h"
 
 namespace clearance {
 namespace {
@@ -16,8 +19,6 @@ constexpr int kSparseSkip = 5;
 constexpr double kNoiseFactor = 8.0;
 // Of the gap's width against what the line predicts.
 constexpr float kSpacingTolerance = 0.5f;
-
-constexpr int kAtOnce = 64;  // pixels
 
 using Points = std::vector<Eigen::Vector3f>;
 
@@ -105,25 +106,38 @@ void BridgeRow(const RangeImage& image, const Bridger& bridger, const RangeImage
   // Bridge() decides with other roundings.
   const float least2 = 0.99f * bridger.narrowest_m() * bridger.narrowest_m();
   const float most2 = 1.01f * bridger.widest_m() * bridger.widest_m();
-  std::array<uint8_t, kAtOnce> gaps;
-  for (int first = box.u0; first <= box.u1; first += kAtOnce) {
-    const int count = std::min(kAtOnce, box.u1 + 1 - first);
-    for (int k = 0; k < count; ++k) {  // without branches, for the vectoriser
-      const int u = first + k;
-      const float m = row[u], left = row[u > 0 ? u - 1 : 0], up = above[u];
-      const float x = (static_cast<float>(u) - image.cx()) * inverse_fx;
-      const float to_left = m - left, to_up = m - up;
-      const float left_x = x * to_left + inverse_fx * left, up_y = y * to_up + y_step * up;
-      const float left2 = to_left * to_left * (1.f + y * y) + left_x * left_x;
-      const float up2 = to_up * to_up * (1.f + x * x) + up_y * up_y;
-      const bool usable = (m > 0.f) & (m <= farthest_m);
-      const bool at_left = usable & (left > 0.f) & (left2 > least2) & (left2 < most2);
-      const bool at_up = usable & (up > 0.f) & (up2 > least2) & (up2 < most2);
-      gaps[k] = static_cast<uint8_t>(at_left | (at_up << 1));
+  // Left and upper gaps of eight pixels, one bit each.
+  const auto find = [&](int u, Lanes m, Lanes left, Lanes up) {
+    constexpr Lanes kSteps = {0, 1, 2, 3, 4, 5, 6, 7};
+    const Lanes x = (kSteps + (static_cast<float>(u) - image.cx())) * inverse_fx;
+    const Lanes to_left = m - left, to_up = m - up;
+    const Lanes left_x = x * to_left + inverse_fx * left, up_y = y * to_up + y_step * up;
+    const Lanes left2 = to_left * to_left * (1.f + y * y) + left_x * left_x;
+    const Lanes up2 = to_up * to_up * (1.f + x * x) + up_y * up_y;
+    const LanesInt usable = (m > 0.f) & (m <= farthest_m);
+    return std::pair(Bits(usable & (left > 0.f) & (left2 > least2) & (left2 < most2)),
+                     Bits(usable & (up > 0.f) & (up2 > least2) & (up2 < most2)));
+  };
+  const int end = box.u1 + 1;
+  for (int u = box.u0; u < end; u += kLanes) {
+    std::pair<uint32_t, uint32_t> gaps;
+    uint32_t in = 0xff;
+    if (u > 0 && u + kLanes <= image.width()) {
+      gaps = find(u, Load(row + u), Load(row + u - 1), Load(above + u));
+    } else {
+      Lanes m{}, left{}, up{};
+      for (int k = 0; k < kLanes && u + k < image.width(); ++k) {
+        m[k] = row[u + k];
+        left[k] = u + k > 0 ? row[u + k - 1] : 0.f;
+        up[k] = above[u + k];
+      }
+      gaps = find(u, m, left, up);
     }
-    for (int k = 0; k < count; ++k) {
-      if (gaps[k] & 1) bridge(first + k, 1, 0);
-      if (gaps[k] & 2) bridge(first + k, 0, 1);
+    if (u + kLanes > end) in >>= u + kLanes - end;
+    for (uint32_t bits = (gaps.first | gaps.second) & in; bits; bits &= bits - 1) {
+      const int k = __builtin_ctz(bits);
+      if (gaps.first >> k & 1) bridge(u + k, 1, 0);
+      if (gaps.second >> k & 1) bridge(u + k, 0, 1);
     }
   }
 }

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "server/field/lanes.h"
+
 namespace clearance {
 namespace {
 
@@ -51,24 +53,50 @@ BlockIndex BlockOfKey(uint64_t key, const BlockIndex& origin) {
           origin.z + static_cast<int>((key >> 9) & kMask) - kReachBlocks};
 }
 
+// Eight points, x, y and z apart; those beyond `count` repeat the last.
+std::array<Lanes, 3> EightPoints(const Eigen::Matrix3Xf& points_X, const uint32_t* indices,
+                                 int count) {
+  std::array<Lanes, 3> p;
+  for (int k = 0; k < kLanes; ++k) {
+    const float* from = points_X.data() + size_t{3} * indices[std::min(k, count - 1)];
+    for (int axis = 0; axis < 3; ++axis) p[axis][k] = from[axis];
+  }
+  return p;
+}
+
 void AppendRuns(const Eigen::Matrix3Xf& points_X, const uint32_t* begin, const uint32_t* end,
                 const LocalOrigin& origin, float h, std::vector<Run>& runs) {
   const float per_h = 1.f / h;
-  Eigen::Vector3f corner = Eigen::Vector3f::Constant(NAN);
-  Eigen::Vector3f first = corner;  // the voxel that the current run is in
-  for (const uint32_t* i = begin; i != end; ++i) {
-    const Eigen::Vector3f p = origin.R_M_X * points_X.col(*i) + origin.t_m;
-    const Eigen::Vector3f v = (p * per_h).array().floor();
-    if (v != first) {
-      if (!(v.cwiseAbs().maxCoeff() < kReach - 1)) continue;
-      first = v;
-      corner = v * h;
-      runs.push_back(
-          {KeyOf(static_cast<int>(v.x()), static_cast<int>(v.y()), static_cast<int>(v.z())),
-           p - corner, 1});
-    } else {
-      runs.back().sum += p - corner;
-      ++runs.back().count;
+  const Eigen::Matrix3f& R = origin.R_M_X;
+  constexpr float kFarthest = static_cast<float>(kReach - 1);
+  std::array<float, 3> last = {NAN, NAN, NAN};  // the voxel that the current run is in
+  for (const uint32_t* i = begin; i < end; i += kLanes) {
+    const int count = static_cast<int>(std::min<ptrdiff_t>(kLanes, end - i));
+    const std::array<Lanes, 3> p_X = EightPoints(points_X, i, count);
+    std::array<Lanes, 3> voxel, from_corner;
+    LanesInt is_new{}, within = LanesInt{} - 1;
+    for (int a = 0; a < 3; ++a) {
+      const Lanes p = R(a, 0) * p_X[0] + R(a, 1) * p_X[1] + R(a, 2) * p_X[2] + origin.t_m[a];
+      voxel[a] = Floor(p * per_h);
+      from_corner[a] = p - voxel[a] * h;
+      within &= (voxel[a] < kFarthest) & (voxel[a] > -kFarthest);
+      Lanes before = __builtin_shuffle(voxel[a], LanesInt{0, 0, 1, 2, 3, 4, 5, 6});
+      before[0] = last[a];
+      is_new |= voxel[a] != before;
+      last[a] = voxel[a][kLanes - 1];
+    }
+    const uint32_t starts = Bits(is_new), usable = Bits(within);
+    for (int k = 0; k < count; ++k) {
+      if (!(usable >> k & 1)) continue;
+      const Eigen::Vector3f corner(from_corner[0][k], from_corner[1][k], from_corner[2][k]);
+      if (starts >> k & 1) {
+        runs.push_back({KeyOf(static_cast<int>(voxel[0][k]), static_cast<int>(voxel[1][k]),
+                              static_cast<int>(voxel[2][k])),
+                        corner, 1});
+      } else {
+        runs.back().sum += corner;
+        ++runs.back().count;
+      }
     }
   }
 }
