@@ -349,9 +349,8 @@ FieldUpdater::Outcome FieldUpdater::FinishBlock(int32_t id) {
   });
   if (out.same) return out;
   const FieldVoxel& first = block.voxels[0];
-  out.uniform = !first.has_site() &&
-                std::all_of(block.voxels.begin(), block.voxels.end(),
-                            [&](const FieldVoxel& v) { return v == first; });
+  out.uniform = !first.has_site() && std::all_of(block.voxels.begin(), block.voxels.end(),
+                                                 [&](const FieldVoxel& v) { return v == first; });
   if (out.same_sites) return out;
   for (const BlockIndex& b : ReferencedBlocks(record.index, block)) {
     out.references.push_back(table_[table_.Find(b)].sites);

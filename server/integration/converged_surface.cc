@@ -12,10 +12,11 @@ namespace {
 
 constexpr float kLooks = 2.f;         // without noise
 constexpr double kSlightNoise = 0.1;  // in voxels; twice the looks
-constexpr float kOnSurface = 0.15f;   // in voxels, of the centroid from the stored surface
+constexpr float kOnSurface = 0.1f;    // in voxels, of the centroid from the stored surface
 constexpr float kGuessDepth = 0.5f;   // deeper, looks from the front are limited (GuessedWeight)
 constexpr float kMostGuessed = 2.f;
-constexpr float kLeastWeight = 0.3f;  // of the voxels before and behind, ...
+constexpr float kFlat = 0.15f;        // in voxels, the voxels beside from the plane
+constexpr float kLeastWeight = 0.3f;  // of the voxels beside, ...
 constexpr float kSureBand = 1.f;      // ... so many voxels from the surface at most
 
 // The weight that a mean has after so many looks: 1 - v falls like exp(-d^2 / l^2), and with the
@@ -51,7 +52,7 @@ class Knower {
       const Eigen::Vector3f centre =
           (VoxelAt({0, 0, 0}, o).cast<float>() + Eigen::Vector3f::Constant(0.5f)) * h_;
       const float off = mean + normal.dot(voxels_.centroid[i] - centre);
-      if (!(std::abs(off) < kOnSurface * h_) || !HasBand(around, normal, mean)) continue;
+      if (!(std::abs(off) < kOnSurface * h_) || !IsFlat(around, normal, mean)) continue;
       Set(known_.converged, o);
       Set(known_.confirmed[KnownSurface::kOwn], o);
       ConfirmBeside(around, normal, mean);
@@ -60,15 +61,14 @@ class Knower {
   }
 
  private:
-  // Before and behind the voxel, along the axis that its normal is closest to, as far as the band
-  // is sure to reach.
-  bool HasBand(const StoredSurface::Around& around, const Eigen::Vector3f& normal, float mean) {
-    int axis;
-    normal.cwiseAbs().maxCoeff(&axis);
-    for (int side = -1; side <= 1; side += 2) {
-      const float expected = mean + static_cast<float>(side) * normal[axis] * h_;
+  // Whether the voxels beside hold the same plane, as far as the band is sure to reach. At edges
+  // they do not: there the next look may know better.
+  bool IsFlat(const StoredSurface::Around& around, const Eigen::Vector3f& normal,
+              float mean) const {
+    for (int n = 0; n < 6; ++n) {
+      const float expected = mean + (n & 1 ? normal[n >> 1] : -normal[n >> 1]) * h_;
       if (std::abs(expected) < kSureBand * h_ &&
-          around[2 * axis + (side > 0)].weight < kLeastWeight) {
+          (around[n].weight < kLeastWeight || std::abs(around[n].mean - expected) > kFlat * h_)) {
         return false;
       }
     }

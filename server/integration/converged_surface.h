@@ -12,8 +12,8 @@ namespace clearance {
 
 // Of one block of the frame's surface voxels.
 struct KnownSurface {
-  // Voxels that need not be evaluated again: stored often enough, with the band before and behind,
-  // and with the centroid on the stored surface.
+  // Voxels that need not be evaluated again: stored often enough, flat, with the band before and
+  // behind, and with the centroid on the stored surface.
   BlockMask converged{};
   // Stored voxels that those confirm: themselves and their face neighbours, where these hold the
   // same plane at most half a cube's diagonal away. By block: the six face neighbours (-x, +x, -y,

@@ -105,9 +105,8 @@ std::array<int32_t, kBlockVoxels> NearestSurface(const LocalVoxels& voxels, cons
   return out;
 }
 
-uint64_t RowsWithin(const BlockTable& table,
-                    const std::vector<BlockMask>& of, const BlockIndex& block,
-                    float reach_voxels) {
+uint64_t RowsWithin(const BlockTable& table, const std::vector<BlockMask>& of,
+                    const BlockIndex& block, float reach_voxels) {
   const int reach = ReachInVoxels(reach_voxels);
   const std::array<int32_t, 27> around = table.Around(block);
   uint64_t rows = 0;

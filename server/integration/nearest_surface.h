@@ -25,7 +25,7 @@ std::array<int32_t, kBlockVoxels> NearestSurface(const LocalVoxels& voxels, cons
 
 // Rows of `block` along z that may lie within reach of the surface voxels in `of` (by block of
 // `voxels`), as above.
-uint64_t RowsWithin(const BlockTable& table,
-                    const std::vector<BlockMask>& of, const BlockIndex& block, float reach_voxels);
+uint64_t RowsWithin(const BlockTable& table, const std::vector<BlockMask>& of,
+                    const BlockIndex& block, float reach_voxels);
 
 }  // namespace clearance

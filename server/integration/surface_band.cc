@@ -35,9 +35,9 @@ constexpr int kAroundAt[7] = {4, 22, 10, 16, 12, 14, 13};  // in BlockTable::Aro
 // The voxels of one block of the band.
 struct BlockTests {
   BlockIndex block;
-  bool has_open = false;                       // surface voxels within reach that are evaluated
+  bool has_open = false;                         // surface voxels within reach that are evaluated
   std::vector<std::pair<int32_t, int>> tests{};  // surface voxel that decides, offset; sorted
-  BlockMask confirmed{};                       // stored surface that this frame agrees with
+  BlockMask confirmed{};                         // stored surface that this frame agrees with
 };
 
 struct BlockResult {
@@ -82,7 +82,9 @@ class BandObserver {
         tests.push_back({.block = Beside(voxels_.blocks[b].block, n)});
       }
     }
-    const auto by_block = [](const BlockTests& a, const BlockTests& b) { return a.block < b.block; };
+    const auto by_block = [](const BlockTests& a, const BlockTests& b) {
+      return a.block < b.block;
+    };
     std::stable_sort(tests.begin(), tests.end(), by_block);
     const auto same = [](const BlockTests& a, const BlockTests& b) { return a.block == b.block; };
     tests.erase(std::unique(tests.begin(), tests.end(), same), tests.end());
