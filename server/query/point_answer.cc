@@ -47,15 +47,17 @@ void PointAnswerer::Answer(const Eigen::Matrix3Xd& points_W, Eigen::Index begin,
                            DistanceBatch* batch) {
   std::array<Eigen::Vector3d, kLookupGroup> group;
   std::array<StaticAnswer, kLookupGroup> answers;
+  std::array<bool, kLookupGroup> addressable;
   for (Eigen::Index first = begin; first < end; first += kLookupGroup) {
     const int count = static_cast<int>(std::min<Eigen::Index>(kLookupGroup, end - first));
     for (int i = 0; i < count; ++i) {
-      const auto p_W = points_W.col(first + i);
-      group[i] = lookup_.IsAddressable(p_W) ? Eigen::Vector3d(p_W) : Eigen::Vector3d::Zero();
+      group[i] = points_W.col(first + i);
+      addressable[i] = lookup_.IsAddressable(group[i]);
+      if (!addressable[i]) group[i].setZero();
     }
     lookup_.Answer(group.data(), count, answers.data());
     for (int i = 0; i < count; ++i) {
-      if (lookup_.IsAddressable(points_W.col(first + i))) {
+      if (addressable[i]) {
         AnswerOne(group[i], answers[i], first + i, batch);
       } else {
         if (options_.unknown_distances) batch->unknown_distances_m[first + i] = 0;

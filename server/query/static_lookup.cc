@@ -17,12 +17,20 @@ constexpr std::array<FieldVoxel, 8> kAbsent = [] {
   return voxels;
 }();
 
-const FieldVoxel* VoxelIn(const DistanceField::Region* region, int block, int offset) {
-  if (region == nullptr) return &kAbsent[0];
+// A block's voxels, or one voxel that stands for all of them.
+struct BlockVoxels {
+  const FieldVoxel* first;
+  bool uniform;
+
+  const FieldVoxel* At(int offset) const { return uniform ? first : first + offset; }
+};
+
+BlockVoxels VoxelsOf(const DistanceField::Region* region, int block) {
+  if (region == nullptr) return {&kAbsent[0], true};
   const FieldBlock* data = region->blocks[block].get();
-  if (data != nullptr) return &data->voxels[offset];
+  if (data != nullptr) return {data->voxels.data(), false};
   const uint8_t tile = region->tiles[block];
-  return &kAbsent[tile == DistanceField::kNoTile ? 0 : tile & 7];
+  return {&kAbsent[tile == DistanceField::kNoTile ? 0 : tile & 7], true};
 }
 
 // The cell of voxel centres that holds a point, on its way through the stages.
@@ -30,10 +38,10 @@ struct Cell {
   VoxelIndex low;     // voxel of corner 0
   float fraction[3];  // of the point, from corner 0, in voxels
   int own;            // corner of the point's own voxel
-  bool one_block;     // all corners in the block of corner 0
-  bool one_value;     // with one_block: no data there, every corner is *corners[0]
+  int across;         // axes on which the cell reaches into the next block: bits 4 x, 2 y, 1 z
+  bool one_value;     // with across = 0: no data there, every corner is *corners[0]
   const DistanceField::Region* region;  // of corner 0
-  const FieldVoxel* corners[8];         // with one_block only the first is set
+  const FieldVoxel* corners[8];         // with across = 0 only the first is set
 };
 
 constexpr int kCornerOffset[8] = {0, 1, 8, 9, 64, 65, 72, 73};
@@ -47,13 +55,14 @@ void LocateCell(const Eigen::Vector3d& point_W, double voxel_size_m, Cell& cell)
     cell.fraction[axis] = static_cast<float>(u - low);
     cell.own = cell.own * 2 + (u - low >= 0.5 ? 1 : 0);
   }
-  cell.one_block = (cell.low.x() & 7) != 7 && (cell.low.y() & 7) != 7 && (cell.low.z() & 7) != 7;
+  cell.across =
+      ((cell.low.x() & 7) == 7) << 2 | ((cell.low.y() & 7) == 7) << 1 | ((cell.low.z() & 7) == 7);
 }
 
 BlockIndex RegionOf(const BlockIndex& block) { return {block.x >> 3, block.y >> 3, block.z >> 3}; }
 
 void Gather(const Cell& cell, FieldVoxel corners[8]) {
-  if (!cell.one_block) {
+  if (cell.across != 0) {
     // Written by pairs, as they are read.
     for (int k = 0; k < 8; k += 2) {
       const std::array<FieldVoxel, 2> pair = {*cell.corners[k], *cell.corners[k + 1]};
@@ -69,29 +78,19 @@ void Gather(const Cell& cell, FieldVoxel corners[8]) {
   }
 }
 
-VoxelIndex CornerVoxel(const Cell& cell, int k) {
-  return {cell.low.x() + (k >> 2), cell.low.y() + ((k >> 1) & 1), cell.low.z() + (k & 1)};
+BlockIndex Stepped(const BlockIndex& block, int axes) {
+  return {block.x + (axes >> 2), block.y + (axes >> 1 & 1), block.z + (axes & 1)};
+}
+
+// From a voxel's offset to that of corner k, where the axes of `wraps` enter the next block.
+int CornerStep(int k, int wraps) {
+  return kCornerOffset[k] - ((wraps >> 2) * 512 + (wraps >> 1 & 1) * 64 + (wraps & 1) * 8);
 }
 
 }  // namespace
 
 StaticLookup::StaticLookup(const DistanceField& field)
     : field_(field), limit_m_((1 << 30) * field.voxel_size_m()) {}
-
-bool StaticLookup::IsAddressable(const Eigen::Vector3d& point_W) const {
-  // Written so that NaN fails.
-  return std::abs(point_W.x()) < limit_m_ && std::abs(point_W.y()) < limit_m_ &&
-         std::abs(point_W.z()) < limit_m_;
-}
-
-const DistanceField::Region* StaticLookup::FindRegion(const BlockIndex& region) {
-  if (!cached_ || cached_key_ != region) {
-    cached_region_ = field_.FindRegion(region);
-    cached_key_ = region;
-    cached_ = true;
-  }
-  return cached_region_;
-}
 
 void StaticLookup::Answer(const Eigen::Vector3d* points_W, int count, StaticAnswer* answers) {
   // Three dependent reads lie between a point and its voxels (region, block pointer, voxels): each
@@ -105,31 +104,39 @@ void StaticLookup::Answer(const Eigen::Vector3d* points_W, int count, StaticAnsw
     if (cell.region == nullptr) continue;
     const int offset = DistanceField::RegionOffset(block);
     __builtin_prefetch(&cell.region->blocks[offset]);
-    if (cell.one_block) continue;
+    if (cell.across == 0) continue;
     // The farthest neighbour's pointer; the ones between mostly share a line with either. Wrong at
     // a region's border, where it only fetches in vain.
-    const int step = DistanceField::RegionOffset(BlockOf(CornerVoxel(cell, 7)));
+    const int step = DistanceField::RegionOffset(Stepped(block, cell.across));
     __builtin_prefetch(&cell.region->blocks[step]);
     __builtin_prefetch(&cell.region->blocks[(offset & 0700) | (step & 077)]);
     __builtin_prefetch(&cell.region->blocks[(step & 0700) | (offset & 077)]);
   }
   for (int i = 0; i < count; ++i) {
     Cell& cell = cells[i];
-    const int block = DistanceField::RegionOffset(BlockOf(cell.low));
-    cell.corners[0] = VoxelIn(cell.region, block, OffsetOf(cell.low));
-    if (cell.one_block) {
-      cell.one_value = cell.region == nullptr || cell.region->blocks[block] == nullptr;
-      if (cell.one_value) continue;
-      for (int row = 0; row < 4; ++row)
+    const BlockIndex block = BlockOf(cell.low);
+    const int offset = OffsetOf(cell.low);
+    const BlockVoxels own = VoxelsOf(cell.region, DistanceField::RegionOffset(block));
+    cell.corners[0] = own.At(offset);
+    if (cell.across == 0) {
+      cell.one_value = own.uniform;
+      if (own.uniform) continue;
+      for (int row = 0; row < 4; ++row) {
         __builtin_prefetch(cell.corners[0] + kCornerOffset[2 * row]);
+      }
       continue;
     }
-    __builtin_prefetch(cell.corners[0]);
-    for (int k = 1; k < 8; ++k) {
-      const VoxelIndex voxel = CornerVoxel(cell, k);
-      const BlockIndex other = BlockOf(voxel);
-      cell.corners[k] =
-          VoxelIn(FindRegion(RegionOf(other)), DistanceField::RegionOffset(other), OffsetOf(voxel));
+    // Each block that the cell reaches into, once: the subsets of `across`, rising.
+    BlockVoxels blocks[8];
+    blocks[0] = own;
+    for (int axes = -cell.across & cell.across; axes != 0;
+         axes = (axes - cell.across) & cell.across) {
+      const BlockIndex other = Stepped(block, axes);
+      blocks[axes] = VoxelsOf(FindRegion(RegionOf(other)), DistanceField::RegionOffset(other));
+    }
+    for (int k = 0; k < 8; ++k) {
+      const int axes = k & cell.across;
+      cell.corners[k] = blocks[axes].At(offset + CornerStep(k, axes));
       __builtin_prefetch(cell.corners[k]);
     }
   }

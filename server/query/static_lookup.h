@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstdint>
 
 #include "server/map/distance_field.h"
@@ -36,10 +37,21 @@ class StaticLookup {
   // between the sites too); the two pass into one another up to 2.5 voxels.
   void Answer(const Eigen::Vector3d* points_W, int count, StaticAnswer* answers);
 
-  bool IsAddressable(const Eigen::Vector3d& point_W) const;
+  bool IsAddressable(const Eigen::Vector3d& point_W) const {
+    // Written so that NaN fails; without branches.
+    return (std::abs(point_W.x()) < limit_m_) & (std::abs(point_W.y()) < limit_m_) &
+           (std::abs(point_W.z()) < limit_m_);
+  }
 
  private:
-  const DistanceField::Region* FindRegion(const BlockIndex& region);
+  const DistanceField::Region* FindRegion(const BlockIndex& region) {
+    if (!cached_ || cached_key_ != region) {
+      cached_region_ = field_.FindRegion(region);
+      cached_key_ = region;
+      cached_ = true;
+    }
+    return cached_region_;
+  }
 
   const DistanceField& field_;
   double limit_m_;
