@@ -122,7 +122,6 @@ uint64_t BlockTable::MemoryBytes() const {
   uint64_t bytes = pool_.size() * sizeof(FieldBlock) + records_.size() * sizeof(BlockRecord);
   for (const BlockRecord& r : records_) {
     if (r.references.size() > 8) bytes += r.references.capacity() * sizeof(int32_t);
-    if (r.data) bytes += sizeof(FieldBlock);
   }
   return bytes + ids_.capacity() * (sizeof(BlockIndex) + sizeof(int32_t) + 1);
 }

@@ -75,6 +75,7 @@ class BlockTable {
   // Gives the data up: the block is uniform from now on.
   void MakeUniform(int32_t id, uint8_t tile);
 
+  // Without the blocks that are in use: whoever shows them counts those.
   uint64_t MemoryBytes() const;
   void ReleaseSpare() { pool_.ReleaseSpare(); }
 

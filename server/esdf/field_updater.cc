@@ -136,7 +136,11 @@ std::vector<int32_t> FieldUpdater::ExtractBlocks(const SurfaceMap& map,
       Extraction& e = extractions_[i];
       e.id = ids[begin + i];
       ExtractBlock(map, table_[e.id].index, min_weight_, &e.block);
-      e.new_states = StatesDiffer(table_[e.id], e.block.states);
+      const auto& states = e.block.states;
+      e.new_states = StatesDiffer(table_[e.id], states);
+      e.uniform = e.new_states && std::all_of(states.begin(), states.end(), [&](uint8_t state) {
+                    return state == states[0] && (state & kNegativeBit) == 0;
+                  });
     });
     for (size_t i = 0; i < count; ++i) {
       BlockRecord& record = table_[extractions_[i].id];
@@ -149,43 +153,51 @@ std::vector<int32_t> FieldUpdater::ExtractBlocks(const SurfaceMap& map,
         table_[id].extracted_in = table_.update();
         concerned.push_back(id);
       }
-      Accept(extractions_[i]);
+      MakeRoom(extractions_[i]);
+    }
+    tbb::parallel_for(size_t{0}, count, [&](size_t i) { Accept(extractions_[i]); });
+    for (size_t i = 0; i < count; ++i) {
+      const int32_t id = table_[extractions_[i].id].sites;
+      if (id == kNoBlock || !sites_[id].changed()) continue;
+      changed_sites_.push_back(id);
+      stats_.fresh_sites += CountBits(sites_[id].fresh());
+      stats_.gone_sites += CountBits(sites_[id].gone());
     }
   }
   return concerned;
 }
 
-void FieldUpdater::Accept(const Extraction& extraction) {
+// For what Accept() writes.
+void FieldUpdater::MakeRoom(const Extraction& extraction) {
   BlockRecord& record = table_[extraction.id];
   if (extraction.new_states) {
-    const auto& states = extraction.block.states;
-    const bool uniform = std::all_of(states.begin(), states.end(), [&](uint8_t s) {
-      return s == states[0] && (s & kNegativeBit) == 0;
-    });
-    if (uniform && !record.data) {
-      record.tile = states[0];
+    if (extraction.uniform && !record.data) {
+      record.tile = extraction.block.states[0];
       retiled_.push_back(extraction.id);
     } else {
-      FieldBlock& block = table_.Write(extraction.id);
-      for (int o = 0; o < kBlockVoxels; ++o) {
-        uint16_t& attributes = block.voxels[o].attributes;
-        // Nothing known, as before: Finish() looks at the sign only where the site differs.
-        const int keep = (attributes & kStateBits) == 0 && states[o] == 0 ? kNegativeBit : 0;
-        attributes = (attributes & (kSiteBits | keep)) | states[o];
-      }
+      table_.Prepare(extraction.id);
     }
   }
-  if (record.sites == kNoBlock) {
-    if (extraction.block.sites.mask == BlockMask{}) return;
+  if (record.sites == kNoBlock && extraction.block.sites.mask != BlockMask{}) {
     record.sites = static_cast<int32_t>(sites_.size());
     sites_.emplace_back(record.index);
   }
-  SiteBlock& sites = sites_[record.sites];
-  sites.Update(extraction.block.sites);
-  if (!sites.changed()) return;
-  changed_sites_.push_back(record.sites);
-  stats_.fresh_sites += CountBits(sites.fresh());
-  stats_.gone_sites += CountBits(sites.gone());
+}
+
+// One block by itself: any thread.
+void FieldUpdater::Accept(const Extraction& extraction) {
+  const BlockRecord& record = table_[extraction.id];
+  if (extraction.new_states && record.data) {
+    const auto& states = extraction.block.states;
+    FieldBlock& block = table_.Fill(extraction.id);
+    for (int o = 0; o < kBlockVoxels; ++o) {
+      uint16_t& attributes = block.voxels[o].attributes;
+      // Nothing known, as before: Finish() looks at the sign only where the site differs.
+      const int keep = (attributes & kStateBits) == 0 && states[o] == 0 ? kNegativeBit : 0;
+      attributes = (attributes & (kSiteBits | keep)) | states[o];
+    }
+  }
+  if (record.sites != kNoBlock) sites_[record.sites].Update(extraction.block.sites);
 }
 
 std::vector<int32_t> FieldUpdater::RepairReferrers() {

@@ -86,6 +86,7 @@ class FieldUpdater {
   struct Extraction {
     int32_t id = kNoBlock;
     bool new_states = false;
+    bool uniform = false;  // the new states are one
     BlockExtraction block;
   };
   struct SeedTask {
@@ -95,6 +96,7 @@ class FieldUpdater {
 
   void Extract(const SurfaceMap& map, absl::Span<const BlockIndex> changed_blocks);
   std::vector<int32_t> ExtractBlocks(const SurfaceMap& map, const std::vector<int32_t>& ids);
+  void MakeRoom(const Extraction& extraction);
   void Accept(const Extraction& extraction);
   std::vector<int32_t> RepairReferrers();
   std::vector<SeedTask> SeedTasks(const std::vector<int32_t>& repaired);

@@ -72,22 +72,23 @@ class BandObserver {
 
   // By rising block.
   std::vector<BlockResult> Observe() {
-    std::vector<BlockTests> tests;
-    for (const BlockIndex& b : BandBlocksOf(voxels_, open_, reach_voxels_)) {
-      tests.push_back({.block = b, .has_open = true});
-    }
+    const std::vector<BlockIndex> open = BandBlocksOf(voxels_, open_, reach_voxels_);
+    std::vector<BlockIndex> all = open;
     for (size_t b = 0; b < known_.size(); ++b) {
       for (int n = 0; n <= KnownSurface::kOwn; ++n) {
         if (known_[b].confirmed[n] == BlockMask{}) continue;
-        tests.push_back({.block = Beside(voxels_.blocks[b].block, n)});
+        all.push_back(Beside(voxels_.blocks[b].block, n));
       }
     }
-    const auto by_block = [](const BlockTests& a, const BlockTests& b) {
-      return a.block < b.block;
-    };
-    std::stable_sort(tests.begin(), tests.end(), by_block);
-    const auto same = [](const BlockTests& a, const BlockTests& b) { return a.block == b.block; };
-    tests.erase(std::unique(tests.begin(), tests.end(), same), tests.end());
+    std::sort(all.begin(), all.end());
+    all.erase(std::unique(all.begin(), all.end()), all.end());
+    std::vector<BlockTests> tests(all.size());
+    size_t next_open = 0;
+    for (size_t i = 0; i < all.size(); ++i) {
+      tests[i].block = all[i];
+      tests[i].has_open = next_open < open.size() && open[next_open] == all[i];
+      next_open += tests[i].has_open;
+    }
     tbb::parallel_for(size_t{0}, tests.size(), [&](size_t i) { FindTests(tests[i]); });
     std::vector<uint8_t> wanted(voxels_.offset.size());
     for (const BlockTests& block : tests) {

@@ -127,12 +127,12 @@ void SurfaceFields::FindStrays(size_t block) {
 void SurfaceFields::Need(const std::vector<uint8_t>& wanted) {
   std::vector<BlockMask> masks(voxels_.blocks.size());
   std::vector<uint8_t> any(voxels_.blocks.size());
-  for (size_t b = 0; b < masks.size(); ++b) {
+  tbb::parallel_for(size_t{0}, masks.size(), [&](size_t b) {
     for (uint32_t i = voxels_.blocks[b].begin; i < voxels_.blocks[b].end; ++i) {
       if (wanted[i]) Set(masks[b], voxels_.offset[i]);
     }
     any[b] = masks[b] != BlockMask{};
-  }
+  });
   tbb::parallel_for(size_t{0}, masks.size(), [&](size_t b) {
     std::array<const BlockMask*, 27> around{};
     bool none = true;
