@@ -120,44 +120,6 @@ void Stages(benchmark::State& state, const std::string& folder, size_t frames,
   state.counters["frames"] = static_cast<double>(recording.frames.size());
 }
 
-// The frame with nothing but its objects' returns, or with no return at all.
-Frame Reduced(const Frame& frame, bool keep_objects, std::vector<bool>* seen) {
-  Frame reduced = frame;
-  if (auto* image = std::get_if<DepthImage>(&reduced.observation)) {
-    for (size_t i = 0; i < image->depth.size(); ++i) {
-      const uint16_t label = image->labels.empty() ? 0 : image->labels[i];
-      if (keep_objects && label != 0) {
-        (*seen)[label] = true;
-      } else {
-        image->depth[i] = 0;
-      }
-    }
-  }
-  if (!keep_objects) reduced.motions.clear();
-  return reduced;
-}
-
-// What one object in view costs: frames with nothing but objects against frames with nothing.
-void PerObject(benchmark::State& state, const std::string& folder, size_t frames) {
-  const Recording recording = LoadOrExit(folder, frames, 2);
-  for (auto _ : state) {
-    Publisher with(recording.config), without(recording.config);
-    std::vector<double> per_object;
-    double objects = 0;
-    for (const Frame& frame : recording.frames) {
-      std::vector<bool> seen(1 << 16, false);
-      const double full = Total(with.Take(Reduced(frame, true, &seen)));
-      const double empty = Total(without.Take(Reduced(frame, false, &seen)));
-      const auto count = static_cast<double>(std::count(seen.begin(), seen.end(), true));
-      if (count == 0) continue;
-      per_object.push_back((full - empty) / count);
-      objects += count;
-    }
-    state.counters["per_object_ms"] = Percentile(per_object, 0.5);
-    state.counters["objects_in_view"] = objects / static_cast<double>(per_object.size());
-  }
-}
-
 void ByRange(benchmark::State& state) {
   const auto range_m = static_cast<double>(state.range(0));
   for (auto _ : state) {
@@ -260,11 +222,6 @@ int main(int argc, char** argv) {
           ->Unit(benchmark::kMillisecond);
     }
     if (name != "street") continue;
-    benchmark::RegisterBenchmark(
-        "PerObject/street",
-        [=](benchmark::State& state) { PerObject(state, folder, flags.frames); })
-        ->Iterations(1)
-        ->Unit(benchmark::kMillisecond);
     benchmark::RegisterBenchmark(
         "ByMapSize/street",
         [=](benchmark::State& state) { ByMapSize(state, folder, flags.repeats); })
