@@ -23,7 +23,7 @@ struct BandObservations {
   std::vector<Block> blocks;
   std::vector<uint16_t> offset;   // in the block, rising within a block
   std::vector<float> distance_m;  // signed, > 0 outside
-  std::vector<float> weight;      // 1 - v, in (0, 1]; 0 where what is stored was confirmed
+  std::vector<float> weight;      // 1 - v, in (0, 1]; 0: what is stored was seen again
 };
 
 // Free evidence of one block. confident is a subset of probable.

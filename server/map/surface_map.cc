@@ -61,6 +61,9 @@ constexpr float kGuessWeight = 0.4f;
 // ... and does not overrule rays that went through the voxel in so many frames.
 constexpr uint8_t kFreeAgainstGuess = 3;
 
+// Deeper behind a surface, observations are guesses.
+constexpr float kSeenDepthVoxels = 0.5f;
+
 uint8_t Increment(uint8_t count) { return count < kSaturatedFrames ? count + 1 : count; }
 
 class BlockFuser {
@@ -141,13 +144,26 @@ class BlockFuser {
     return e.returns == 0 && e.probable >= kFreeAgainstGuess;
   }
 
+  // Eq. (5) with an observation that says what is stored: only the weight grows, by the 1 - v of a
+  // plane so far away. What lies deeper was never seen and grows no surer. Readers of the weight
+  // (a site's sigma) are told when it reaches 4 and 16.
+  void Confirm(BlockWork& w, int o) const {
+    const float voxels = mean_[o] / voxel_size_m_;
+    if (voxels < -kSeenDepthVoxels) return;
+    const float before = weight_[o];
+    weight_[o] = std::min(before + std::exp(-voxels * voxels), options_.max_weight);
+    w.changed |= std::ilogb(weight_[o]) / 2 != std::ilogb(before) / 2;
+  }
+
   void FuseBand(BlockWork& w) const {
     for (uint32_t i = w.band->begin; i < w.band->end; ++i) {
       const int o = update_.band.offset[i];
       const float d = update_.band.distance_m[i];
       float weight = update_.band.weight[i];
       if (weight == 0.f && weight_[o] == 0.f) weight = 1.f;  // confirmed, but just forgotten
-      if (weight > 0.f) {
+      if (weight == 0.f) {
+        Confirm(w, o);
+      } else {
         if (w.evidence && weight < kGuessWeight && OverruledByRays(o)) continue;
         // Eq. (5): running weighted mean; the cap keeps old surface movable.
         mean_[o] = (weight_[o] * mean_[o] + weight * d) / (weight_[o] + weight);
