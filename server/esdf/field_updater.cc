@@ -2,10 +2,14 @@
 
 #include <tbb/parallel_for.h>
 
+#if defined(__AVX2__)
+#include <immintrin.h>
+#endif
+
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <cmath>
-#include <cstring>
 
 #include "server/esdf/site_references.h"
 #include "server/esdf/sweep.h"
@@ -52,27 +56,31 @@ bool StatesDiffer(const BlockRecord& record, const std::array<uint8_t, kBlockVox
   return differs != 0;
 }
 
-typedef uint64_t FourVoxels __attribute__((vector_size(32)));
-
 // Voxels that are not alike; `same_sites`: none of them differs in its site.
 BlockMask DifferingVoxels(const FieldBlock& a, const FieldBlock& b, bool* same_sites) {
   constexpr uint64_t kSite = 0x0000ffffffffffffull | uint64_t{kSiteBits} << 48;
-  static_assert(sizeof(FourVoxels) == 4 * sizeof(FieldVoxel));
-  const auto* x = reinterpret_cast<const char*>(a.voxels.data());
-  const auto* y = reinterpret_cast<const char*>(b.voxels.data());
   BlockMask differs{};
-  FourVoxels all{};
+#if defined(__AVX2__)
+  static_assert(sizeof(FieldVoxel) == 8);
+  __m256i all = _mm256_setzero_si256();
   for (int o = 0; o < kBlockVoxels; o += 4) {
-    FourVoxels p, q;
-    std::memcpy(&p, x + o * sizeof(FieldVoxel), sizeof(p));
-    std::memcpy(&q, y + o * sizeof(FieldVoxel), sizeof(q));
-    const FourVoxels d = p ^ q;
-    all |= d;
-    uint64_t bits = 0;
-    for (int k = 0; k < 4; ++k) bits |= uint64_t{d[k] != 0} << k;
-    differs[o >> 6] |= bits << (o & 63);
+    const __m256i x = _mm256_load_si256(reinterpret_cast<const __m256i*>(&a.voxels[o]));
+    const __m256i y = _mm256_load_si256(reinterpret_cast<const __m256i*>(&b.voxels[o]));
+    const __m256i same = _mm256_cmpeq_epi64(x, y);
+    all = _mm256_or_si256(all, _mm256_xor_si256(x, y));
+    const int bits = _mm256_movemask_pd(_mm256_castsi256_pd(same)) ^ 15;
+    differs[o >> 6] |= static_cast<uint64_t>(bits) << (o & 63);
   }
-  *same_sites = ((all[0] | all[1] | all[2] | all[3]) & kSite) == 0;
+  *same_sites = _mm256_testz_si256(all, _mm256_set1_epi64x(static_cast<int64_t>(kSite))) != 0;
+#else
+  uint64_t all = 0;
+  for (int o = 0; o < kBlockVoxels; ++o) {
+    const uint64_t d = std::bit_cast<uint64_t>(a.voxels[o]) ^ std::bit_cast<uint64_t>(b.voxels[o]);
+    all |= d;
+    differs[o >> 6] |= uint64_t{d != 0} << (o & 63);
+  }
+  *same_sites = (all & kSite) == 0;
+#endif
   return differs;
 }
 
@@ -330,7 +338,7 @@ void FieldUpdater::Propagate(const std::vector<SeedTask>& tasks) {
   }
 }
 
-bool FieldUpdater::LiesBehind(const FieldVoxel& v) const {
+inline bool FieldUpdater::LiesBehind(const FieldVoxel& v) const {
   const int32_t squared = SquaredUnits(v);
   if (squared > squared_inside_) return false;  // or no site at all
   // Behind: the way to the site leads along its normal, within 70 degrees. Beside the rim of a
@@ -354,11 +362,12 @@ FieldUpdater::Outcome FieldUpdater::FinishBlock(int32_t id) {
   ForEachSet(differs, [&](int o) {
     FieldVoxel& v = block.voxels[o];
     if ((v.attributes & kStateBits) == 0) {
-      v.attributes &= ~kNegativeBit;
-      if (LiesBehind(v)) v.attributes |= kNegativeBit;
+      v.attributes = (v.attributes & ~kNegativeBit) | (LiesBehind(v) ? kNegativeBit : 0);
     }
-    out.same = out.same && v == record.replaced->voxels[o];
   });
+  if (out.same && differs != BlockMask{}) {
+    out.same = DifferingVoxels(block, *record.replaced, &out.same_sites) == BlockMask{};
+  }
   if (out.same) return out;
   const FieldVoxel& first = block.voxels[0];
   out.uniform = !first.has_site() && std::all_of(block.voxels.begin(), block.voxels.end(),
