@@ -51,8 +51,8 @@ SurfaceFields::SurfaceFields(const LocalVoxels& voxels, const BlockTable& table,
       block_of_(voxels.offset.size()),
       stray_(voxels.offset.size()),
       needed_(voxels.offset.size()),
-      normal_(voxels.offset.size()),
-      shift_(voxels.offset.size()) {
+      normal_(voxels.offset.size(), Eigen::Vector3f::Zero()),
+      shift_(voxels.offset.size(), Eigen::Vector3f::Zero()) {
   if (options_.kernel != KernelType::kSquaredExponential) reference_.resize(voxels.offset.size());
   for (size_t b = 0; b < voxels.blocks.size();) {
     Chunk chunk;
