@@ -17,7 +17,7 @@ SCALE = 2  # drawn so much larger, then smoothed
 TITLES = {"clearance": "Clearance: map and prediction", "frozen_snapshot": "Frozen snapshot",
           "static_fusion": "Static fusion", "straight_ahead": "Straight ahead, blind"}
 INK, FAINT, PAPER = (32, 36, 44), (120, 126, 138), (250, 250, 248)
-PLAN, UNSAFE, OBJECT, TRUE, ROBOT = (16, 132, 92), (208, 60, 40), (214, 106, 22), (70, 76, 90), (12, 92, 190)
+PLAN, UNSAFE, OBJECT, TRUE, ROBOT = (16, 132, 92), (208, 40, 60), (214, 106, 22), (118, 52, 150), (12, 92, 190)
 PREDICT_S = 2.0
 
 
@@ -137,7 +137,7 @@ class Drive:
         for thing in objects:
             view.predicted(thing)
         for thing in moment.get("truth", []):
-            view.box(thing, fill=TRUE + (40,), outline=TRUE + (150,), width=0.8)
+            view.box(thing, fill=TRUE + (40,), outline=TRUE + (200,), width=1)
         for thing in objects:
             move = (thing["velocity"][0] * late_s, thing["velocity"][1] * late_s,
                     thing["yaw_rate"] * late_s)
@@ -182,23 +182,36 @@ def plate(view, x, y, lines, colour=INK):
 
 
 def legend(width):
-    image = Image.new("RGB", (width * SCALE, 26 * SCALE), PAPER)
+    """As many lines as it takes."""
+    line, gap = 18 * SCALE, 14 * SCALE
+    image = Image.new("RGB", (width * SCALE, 8 * line), PAPER)
     draw = ImageDraw.Draw(image, "RGBA")
-    x = 10 * SCALE
+    x, y = 10 * SCALE, 4 * SCALE
     for colour, words in ((ROBOT, "robot and its way"), (PLAN, "plan, a dot a second"),
                           (UNSAFE, "plan that cannot be safe"),
-                          (OBJECT, "object in the map, and the next 2 s of it"), (TRUE, "truth"),
+                          (OBJECT, "object in the map, and the next 2 s of it"), (TRUE, "true outline"),
                           ((74, 80, 94), "surface"), ((222, 222, 220), "never seen")):
-        draw.rectangle((x, 8 * SCALE, x + 11 * SCALE, 18 * SCALE), fill=colour)
-        draw.text((x + 16 * SCALE, 13 * SCALE), words, font=font(9.5), fill=INK, anchor="lm")
-        x += 16 * SCALE + font(9.5).getlength(words) + 16 * SCALE
-    return image.resize((width, 26), Image.LANCZOS)
+        length = 15 * SCALE + font(9.5).getlength(words)
+        if x + length > image.width:
+            x, y = 10 * SCALE, y + line
+        draw.rectangle((x, y + 4 * SCALE, x + 10 * SCALE, y + 14 * SCALE), fill=colour)
+        draw.text((x + 15 * SCALE, y + line / 2), words, font=font(9.5), fill=INK, anchor="lm")
+        x += length + gap
+    image = image.crop((0, 0, image.width, y + line + 4 * SCALE))
+    return image.resize((width, image.height // SCALE), Image.LANCZOS)
+
+
+def under(picture, more):
+    image = Image.new("RGB", (picture.width, picture.height + more.height), PAPER)
+    image.paste(picture, (0, 0))
+    image.paste(more, (0, picture.height))
+    return image
 
 
 def sheet(drives, path, pixels=330, shots=4):
     """One row a drive; moments spread from start to end."""
     band = 24
-    width, height = pixels * shots, (pixels + band) * len(drives) + 26
+    width, height = pixels * shots, (pixels + band) * len(drives)
     image = Image.new("RGB", (width, height), PAPER)
     for row, drive in enumerate(drives):
         top = row * (pixels + band)
@@ -215,15 +228,29 @@ def sheet(drives, path, pixels=330, shots=4):
             shot = drive.draw(index, pixels - 2, slice_from=drives[0].folder
                               if drive.about["row"] == "straight_ahead" else None)
             image.paste(shot, (k * pixels, top + band))
-    image.paste(legend(width), (0, height - 26))
-    image.save(path)
+    under(image, legend(width)).save(path)
 
 
-def film(drive, path, pixels=560, every=2):
+def colours_of(frame):
+    """The frame beside swatches of what is small in it, so that a palette keeps those, too."""
+    keys = (INK, ROBOT, PLAN, UNSAFE, OBJECT, TRUE, FAINT)
+    pairs = [mix(key, paper, t) for key in keys for paper in ((196, 216, 232), (255, 255, 255))
+             for t in (0, .35, .7)]
+    side = frame.height // len(pairs)
+    image = under(frame, Image.new("RGB", (frame.width, 1), PAPER))
+    wide = Image.new("RGB", (frame.width + 12 * side, image.height), PAPER)
+    wide.paste(image, (0, 0))
+    for i, colour in enumerate(pairs):
+        wide.paste(colour, (frame.width, i * side, wide.width, (i + 1) * side))
+    return wide
+
+
+def film(drive, path, pixels=520, every=2):
     frames = [drive.draw(i, pixels, TITLES[drive.about["row"]])
               for i in range(0, len(drive.moments), every)]
     frames += [drive.draw(len(drive.moments) - 1, pixels, drive.about["outcome"])]
-    palette = frames[len(frames) // 2].quantize(128)
+    frames = [under(frame, legend(pixels)) for frame in frames]
+    palette = colours_of(frames[len(frames) // 2]).quantize(255)
     frames = [f.quantize(palette=palette, dither=Image.NONE) for f in frames]
     times = [round(100 * every * 0.8)] * (len(frames) - 1) + [2500]
     frames[0].save(path, save_all=True, append_images=frames[1:], duration=times, loop=0,

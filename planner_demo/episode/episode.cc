@@ -9,7 +9,7 @@ namespace clearance::demo {
 namespace {
 
 constexpr double kEpsilon_s = 1e-9;
-constexpr double kStaticAround_m = 6.0;
+constexpr double kStaticAround_m = 4.0;
 constexpr double kTrafficAround_m = 45.0;
 
 std::string MapOf(const Stage& stage, Row row) {

@@ -76,7 +76,7 @@ struct EpisodeOptions {
   PilotOptions pilot;
   Margins margins;
   Source source = Source::kMirror;
-  double voxel_size_m = 0.2;
+  double voxel_size_m = 0.25;
   double max_horizon_s = 6.5;
   Observer observer;
 };

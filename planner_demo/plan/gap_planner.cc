@@ -23,9 +23,19 @@ constexpr double kShortest_m = 0.3;
 constexpr double kArrives_m = 0.2;  // within the goal's radius by so much: columns are coarse
 constexpr double kEasyBrake_mps2 = 2.0;
 constexpr double kTurnAtRest_rad = 0.35;
+constexpr int kDraws = 10;
 
 double Heading(const Eigen::Vector3d& from_W, const Eigen::Vector3d& to_W) {
   return std::atan2(to_W.y() - from_W.y(), to_W.x() - from_W.x());
+}
+
+// What comes behind the arrival is no part of the plan.
+void EndAtGoal(const SpeedProblem& problem, SpeedPlan& plan) {
+  for (size_t k = 1; k + 1 < plan.knots.size(); ++k) {
+    const size_t column = static_cast<size_t>(plan.knots[k].at_m / SpeedProblem::kStep_m + 0.5);
+    if (plan.knots[k].speed_mps > 0.0 || column >= problem.at_goal.size()) continue;
+    if (problem.at_goal[column]) plan.knots.resize(k + 1);
+  }
 }
 
 }  // namespace
@@ -87,10 +97,14 @@ std::vector<GapPlanner::Candidate> GapPlanner::DrawRoutes(const RobotState& star
     return pose;
   };
   const auto draw = [&] {
+    // Half of them where the robot may wait: ways that cross one road at a time.
     Eigen::Vector3d at_W;
-    for (int axis = 0; axis < 3; ++axis) {
-      at_W[axis] = random_.Uniform(mission_.min_W[axis], mission_.max_W[axis]);
-    }
+    int tries = random_.Index(2) == 0 ? 1 : kDraws;
+    do {
+      for (int axis = 0; axis < 3; ++axis) {
+        at_W[axis] = random_.Uniform(mission_.min_W[axis], mission_.max_W[axis]);
+      }
+    } while (--tries > 0 && !mission_.MayStand(at_W, kStandRoom_m));
     return at_W;
   };
   const Eigen::Vector3d& goal_W = mission_.goal_W;
@@ -205,6 +219,7 @@ bool GapPlanner::Evaluate(const RobotState& start, std::vector<Candidate>& candi
       }
     }
     candidate.plan = PlanSpeeds(problem);
+    EndAtGoal(problem, candidate.plan);
     if (candidate.kept) candidate.plan.cost -= options_.keep_bonus_s;
   }
   return true;

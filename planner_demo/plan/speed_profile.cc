@@ -54,6 +54,8 @@ class Search {
 
   // Cost of moving from `from_m` with constant acceleration through one layer.
   float Step(int layer, double from_m, double from_mps, double to_mps) const {
+    // Whoever has arrived is done: what may come later is no reason to leave again.
+    if (AtGoal(from_m, from_mps) && to_mps == 0.0) return 0.0F;
     const double accel_mps2 = (to_mps - from_mps) / kLayer_s;
     double cost = 0.0;
     for (int k = 1; k <= kSteps; ++k) {

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <memory>
 #include <mutex>
+#include <random>
 #include <string>
 #include <utility>
 #include <vector>
@@ -87,6 +88,14 @@ inline void ExpectSameView(const MapView& server, const MapView& mirror) {
   for (size_t i = 0; i < server.objects.size(); ++i) {
     ExpectSameObject(server.objects[i], mirror.objects[i]);
   }
+}
+
+inline Eigen::Matrix3Xd RandomPoints(int count, uint32_t seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> plane(-8, 8), height(-2, 2);
+  Eigen::Matrix3Xd points(3, count);
+  for (int i = 0; i < count; ++i) points.col(i) << plane(random), plane(random), height(random);
+  return points;
 }
 
 class MirrorFixture : public ::testing::Test {

@@ -18,14 +18,6 @@ using client::Mirror;
 using client::MirrorStatus;
 using ::testing::HasSubstr;
 
-Eigen::Matrix3Xd RandomPoints(int count, uint32_t seed) {
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<double> plane(-8, 8), height(-2, 2);
-  Eigen::Matrix3Xd points(3, count);
-  for (int i = 0; i < count; ++i) points.col(i) << plane(random), plane(random), height(random);
-  return points;
-}
-
 class MirrorTest : public MirrorFixture {
  protected:
   // The same bytes from the server, over the wire, and from the mirror.
