@@ -8,6 +8,8 @@
 #include "server/integration/label_rims.h"
 #include "server/integration/label_split.h"
 #include "server/integration/object_motion.h"
+#include "server/integration/standing.h"
+#include "server/integration/swept_space.h"
 
 namespace clearance {
 namespace {
@@ -108,9 +110,14 @@ absl::StatusOr<MapUpdate> FrameIntegrator::Integrate(const Frame& frame, const W
   laps.Lap("split");
   if (!split.empty()) {
     RangeImage image = MakeRangeImage(frame, max_range_m, config.voxel_size_m);
-    const LocalVoxels static_voxels = GatherVoxels(
-        split.points_X, WithoutLabelRims(image, split.points_X, std::move(split.static_points)),
-        frame.T_W_X, config.voxel_size_m);
+    LetStanding(image, frame.T_W_X, map, tasks);
+    split.static_points = WithoutLabelRims(image, split.points_X, std::move(split.static_points));
+    const std::vector<std::optional<PlacedShape>> shapes = ShapesInFrame(tasks, map);
+    split.static_points =
+        WithoutObjectReturns(image, split.points_X, std::move(split.static_points), frame.T_W_X,
+                             shapes, map.static_map());
+    const LocalVoxels static_voxels =
+        GatherVoxels(split.points_X, split.static_points, frame.T_W_X, config.voxel_size_m);
     laps.Lap("voxelise");
     update.static_surface.band = ObserveBand(static_voxels, image, frame.T_W_X, kStaticWorld,
                                              map.static_map(), options_.band);
@@ -129,7 +136,11 @@ absl::StatusOr<MapUpdate> FrameIntegrator::Integrate(const Frame& frame, const W
     // Each object in its own frame: points to L first, voxels and band there, surface to R^j.
     int seen = 0;
     const StaticReturns returns(static_voxels);
-    for (ObjectTask& task : tasks) {
+    for (size_t i = 0; i < tasks.size(); ++i) {
+      ObjectTask& task = tasks[i];
+      if (shapes[i]) {
+        Append(update.static_surface.released, ReleaseSwept(task, *shapes[i], map, returns));
+      }
       if (task.points.empty()) continue;
       ++seen;
       const LocalVoxels claimed =

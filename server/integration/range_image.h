@@ -53,6 +53,10 @@ class RangeImage {
   float measure(int u, int v) const { return measure_[Index(u, v)]; }
   uint16_t label(int u, int v) const { return labels_.empty() ? 0 : labels_[Index(u, v)]; }
   bool has_labels() const { return !labels_.empty(); }
+  // Gives an image without labels static ones.
+  void NeedLabels() {
+    if (labels_.empty()) labels_.resize(measure_.size());
+  }
   // Before the image is shared; `pixel` is v * width() + u. Only for images with labels.
   void set_label(size_t pixel, uint16_t label) { labels_[pixel] = label; }
   bool has_surface(int u, int v) const {

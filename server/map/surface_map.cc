@@ -77,7 +77,7 @@ class BlockFuser {
       weight_ = w.weight->buffer().data();
     }
     if (w.evidence) evidence_ = w.evidence->buffer().data();
-    if (w.released && w.weight) ForEach(w.released->voxels, [&](int o) { Forget(w, o); });
+    if (w.released && w.weight) ForEach(w.released->voxels, [&](int o) { Release(w, o); });
     if (w.free) CountEvidence(w);
     if (w.band) FuseBand(w);
     if (w.evidence) FinishEvidence(w);
@@ -100,6 +100,15 @@ class BlockFuser {
     w.mean->setValueOff(o);
     w.weight->setValueOff(o);
     w.changed = true;
+  }
+
+  // The returns were another's, too.
+  void Release(BlockWork& w, int o) const {
+    Forget(w, o);
+    if (!evidence_ || evidence_[o] == 0) return;
+    FreeEvidence e = FreeEvidence::Unpack(evidence_[o]);
+    e.contradicted = e.returns = 0;
+    evidence_[o] = e.Pack();
   }
 
   void CountEvidence(BlockWork& w) const {
@@ -138,8 +147,10 @@ class BlockFuser {
     evidence_[o] = e.Pack();
   }
 
-  bool OverruledByRays(int o) const {
+  bool OverruledByRays(int o, float distance_m) const {
     if (weight_[o] >= kGuessWeight) return false;
+    // Farther away is what those rays say, too.
+    if (weight_[o] > 0 && distance_m > mean_[o]) return false;
     const FreeEvidence e = FreeEvidence::Unpack(evidence_[o]);
     return e.returns == 0 && e.probable >= kFreeAgainstGuess;
   }
@@ -164,7 +175,7 @@ class BlockFuser {
       if (weight == 0.f) {
         Confirm(w, o);
       } else {
-        if (w.evidence && weight < kGuessWeight && OverruledByRays(o)) continue;
+        if (w.evidence && weight < kGuessWeight && OverruledByRays(o, d)) continue;
         // Eq. (5): running weighted mean; the cap keeps old surface movable.
         mean_[o] = (weight_[o] * mean_[o] + weight * d) / (weight_[o] + weight);
         weight_[o] = std::min(weight_[o] + weight, options_.max_weight);

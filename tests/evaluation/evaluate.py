@@ -129,7 +129,8 @@ class Evaluation:
     def robust(self, folder):
         sequence, world = self.open(folder)
         short = robustness.Shortened(sequence, robustness.FRAMES)
-        measures = Measures(short, world.of(short) if world else None, self._effort)
+        # A dozen maps each: their differences show in a sample of the points.
+        measures = Measures(short, world.of(short) if world else None, Effort.quick())
         rows = self.results["robustness"].setdefault(sequence.name, {})
         for title, how in robustness.variants(sequence, self._quick).items():
             try:
@@ -193,7 +194,7 @@ def main():
         evaluation = Evaluation(server, arguments, arguments.out)
         steps = [(f"{f.name}", evaluation.record, f) for f in folders if "recordings" in arguments.parts]
         steps += [(f"{f.name}, robustness", evaluation.robust, f) for f in folders
-                  if "robustness" in arguments.parts]
+                  if "robustness" in arguments.parts and targets.kind(f.name) not in targets.ANALYTIC]
         if "ablations" in arguments.parts:
             steps.append(("ablations", evaluation.ablate, folders))
         for title, step, argument in steps:

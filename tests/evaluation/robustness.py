@@ -2,7 +2,7 @@
 from degrade import Degraded
 from mapping import Mapping
 
-FRAMES = 100  # of longer recordings with objects: drift is stated over so many
+FRAMES = 100  # of longer recordings: drift is stated over so many
 
 VARIANTS = {
     "as recorded": {},

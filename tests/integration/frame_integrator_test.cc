@@ -143,6 +143,73 @@ TEST_P(FrameIntegratorTest, StaticSurfaceIsReleasedWhenAnObjectClaimsIt) {
   EXPECT_EQ(map_.objects().size(), 1u);
 }
 
+TEST_P(FrameIntegratorTest, LateLabelsLeaveLittleWhereTheObjectCameFrom) {
+  const double first = 1.2;  // from here on the camera sees the same two sides of it
+  double y = first;
+  for (int k = 0; k < 6; ++k, y += 0.25) Run(FrameAt(k, y, /*labelled=*/false));
+  Run(FrameAt(6, y, true));
+  int traces = 0;
+  for (double at = y; at > first - 0.1; at -= 0.25) traces += StaticVoxelsAtCar(at, 0.05);
+  ASSERT_GT(traces, 100);
+  // Nobody looks: only the motion tells where the car was.
+  Frame frame = FrameAt(7, y + 0.25, true);
+  frame.motions = {Shift(0.25)};
+  frame.T_W_X = LookAt(origin_ + Eigen::Vector3d(0, 0, 1.5), origin_ + Eigen::Vector3d(-8, 0, 0.5));
+  frame.observation = SceneAt(y + 0.25, true).RenderDepth(frame.T_W_X, Intrinsics::Small());
+  Run(frame);
+  // What the submap, of one look at a side seen edge-on, does not hold waits for the next look
+  // back.
+  int left = 0;
+  for (; y > first - 0.1; y -= 0.25) left += StaticVoxelsAtCar(y, 0.05);
+  EXPECT_LE(left, 0.4 * traces);
+}
+
+TEST_P(FrameIntegratorTest, ReturnsFromAKnownObjectAreNotStaticWhateverTheirLabel) {
+  double y = -1;
+  for (int k = 0; k < 5; ++k, y += 0.25) {
+    Frame frame = FrameAt(k, y, /*labelled=*/k < 3);
+    if (k > 0) frame.motions = {Shift(0.25)};
+    Run(frame);
+    // Hundreds of voxels, were its returns believed; its outline is a little wider than its map.
+    EXPECT_LE(StaticVoxelsAtCar(y, 0.05), 5) << "frame " << k;
+  }
+  // The wall behind is static, in the same frames.
+  EXPECT_GT(map_.static_map().BandBlocks().size(), 100u);
+}
+
+TEST_P(FrameIntegratorTest, AnObjectWhoseReturnsTurnStaticWhereItWasStands) {
+  double y = -1;
+  for (int k = 0; k < 5; ++k) {
+    Frame frame = FrameAt(k, y, true);
+    if (k > 0) frame.motions = {Shift(0.2)};
+    Run(frame);
+    if (k < 4) y += 0.2;
+  }
+  const Pose before = map_.objects().at(ObjectId(kCar)).T_W_L();
+  ASSERT_FALSE(map_.objects().at(ObjectId(kCar)).screw_W().isZero(0.1));
+  for (int k = 5; k < 9; ++k) Run(FrameAt(k, y, /*labelled=*/false));
+  const ObjectSubmap& stands = map_.objects().at(ObjectId(kCar));
+  EXPECT_TRUE(stands.T_W_L().isApprox(before, 1e-9));
+  EXPECT_TRUE(stands.screw_W().isZero(0));
+  EXPECT_EQ(stands.life_state(), LifeState::kCoasting) << "it retires like any other";
+  EXPECT_GT(StaticVoxelsAtCar(y, 0.05), 100) << "its returns are static now";
+}
+
+TEST_P(FrameIntegratorTest, AnObjectThatLeftUnlabelledCoasts) {
+  double y = -1;
+  for (int k = 0; k < 5; ++k) {
+    Frame frame = FrameAt(k, y, true);
+    if (k > 0) frame.motions = {Shift(0.3)};
+    Run(frame);
+    if (k < 4) y += 0.3;
+  }
+  const Pose before = map_.objects().at(ObjectId(kCar)).T_W_L();
+  Run(FrameAt(5, y + 0.3, /*labelled=*/false));
+  const Eigen::Vector3d moved =
+      map_.objects().at(ObjectId(kCar)).T_W_L().translation() - before.translation();
+  EXPECT_NEAR(moved.y(), 0.3, 0.01);
+}
+
 TEST_P(FrameIntegratorTest, PointsOfAnObjectWithoutAPoseReachNeitherMap) {
   Run(FrameAt(0, -1, true));
   Frame moved = FrameAt(1, -0.5, true);
