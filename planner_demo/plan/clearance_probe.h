@@ -19,11 +19,11 @@ using Lookup = std::function<absl::StatusOr<client::DistanceAnswers>(
 // it may brake or turn unannounced.
 struct Margins {
   double static_m = 0.05;
-  double object_m = 0.30;
-  double object_growth_mps = 0.10;
-  double object_most_m = 0.65;
+  double object_m = 0.20;
+  double object_growth_mps = 0.08;
+  double object_most_m = 0.50;
   double comfort_static_m = 0.35;  // closer than this costs, up to the margin
-  double comfort_object_m = 1.10;
+  double comfort_object_m = 0.95;
 };
 
 struct Clearance {

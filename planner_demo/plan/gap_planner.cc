@@ -24,6 +24,7 @@ constexpr double kArrives_m = 0.2;  // within the goal's radius by so much: colu
 constexpr double kEasyBrake_mps2 = 2.0;
 constexpr double kTurnAtRest_rad = 0.35;
 constexpr int kDraws = 10;
+constexpr double kOnCarriageway = 0.3;  // a second there costs so much more: nobody loiters
 
 double Heading(const Eigen::Vector3d& from_W, const Eigen::Vector3d& to_W) {
   return std::atan2(to_W.y() - from_W.y(), to_W.x() - from_W.x());
@@ -207,7 +208,8 @@ bool GapPlanner::Evaluate(const RobotState& start, std::vector<Candidate>& candi
            ++c, ++at) {
         const Clearance& clearance = (*clearances)[at];
         problem.rate[static_cast<size_t>(row) * problem.columns + c] +=
-            static_cast<float>(RideObjective::Rate(clearance));
+            static_cast<float>(RideObjective::Rate(clearance) +
+                               (problem.may_stand[c] ? 0.0 : kOnCarriageway));
         if (clearance.beyond_margin_m >= 0.0F) continue;
         // What is there now may have come, and may leave, a step sooner or later.
         const float collides = SpeedProblem::kCollides * (1.0F - clearance.beyond_margin_m);
