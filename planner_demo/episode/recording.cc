@@ -134,7 +134,7 @@ Stage Recording::StageFor(uint64_t index) const {
                                Eigen::Vector3d::UnitZ());
   Mission& mission = stage.mission;
   mission.start.position_W = turn * Eigen::Vector3d(-kCorner_m, -kCorner_m, 0.15);
-  mission.goal_W = turn * Eigen::Vector3d(kCorner_m, kCorner_m, 0.15);
+  mission.goal_W = turn * Eigen::Vector3d(-kCorner_m, kCorner_m, 0.15);
   mission.min_W = {-8.5, -8.5, 0.15};
   mission.max_W = {8.5, 8.5, 0.15};
   mission.no_standing = {{Eigen::Vector2d(-60.0, -kRoad_m), Eigen::Vector2d(60.0, kRoad_m)},

@@ -15,9 +15,10 @@ class Recording {
   // A folder like clearance_sim writes it, with gt/. NOT_FOUND, DATA_LOSS naming the file.
   static absl::StatusOr<std::unique_ptr<Recording>> Open(const std::string& folder);
 
-  // Variant `index` of a drive over the crossing in its middle: from one of four corners, starting
-  // ever later. When the frames end the robot finishes what it planned last, judged by where the
-  // objects really went. The recording must outlive the stage.
+  // Variant `index` of a drive over one road at the crossing in its middle: from one of four
+  // corners to the next, starting ever later; recordings are too short for more. When the frames
+  // end the robot finishes what it planned last, judged by where the objects really went. The
+  // recording must outlive the stage.
   Stage StageFor(uint64_t index) const;
 
  private:
