@@ -38,6 +38,9 @@ absl::Status WatchMap(const ClientOptions& client, const WatchOptions& options,
   request.set_max_rate_hz(options.max_rate_hz);
   request.set_poses_only(options.poses_only);
   grpc::ClientContext context;
+  if (options.until != absl::InfiniteFuture()) {
+    context.set_deadline(absl::ToChronoTime(options.until));
+  }
   const auto stub = v1::WatchService::NewStub(*channel);
   const auto reader = stub->WatchMap(&context, request);
   v1::WatchMapResponse message;
@@ -65,7 +68,11 @@ absl::Status WatchMap(const ClientOptions& client, const WatchOptions& options,
     }
     event = {};
   }
-  return CallStatus(reader->Finish(), client.address);
+  const grpc::Status status = reader->Finish();
+  if (status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED && absl::Now() >= options.until) {
+    return absl::OkStatus();
+  }
+  return CallStatus(status, client.address);
 }
 
 }  // namespace clearance::client

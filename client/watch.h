@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
+#include "absl/time/time.h"
 #include "client/esdf_client.h"
 #include "client/types.h"
 
@@ -19,6 +20,7 @@ struct WatchOptions {
   std::optional<Aabb> bounds;  // only blocks that touch it
   double max_rate_hz = 0;      // events a second at most; 0 = every revision
   bool poses_only = false;
+  absl::Time until = absl::InfiniteFuture();  // then the watch ends, as if the callback said so
 };
 
 // A checkpoint or a delta, with all its parts.
@@ -36,8 +38,9 @@ struct WatchEvent {
 // Return false to stop watching.
 using WatchCallback = std::function<bool(const WatchEvent&)>;
 
-// Follows a map over a connection of its own until `callback` returns false (OK) or the stream
-// ends: NOT_FOUND where the map is deleted, UNAVAILABLE where the server stops. No timeout.
+// Follows a map over a connection of its own until `callback` returns false or the time is up (OK)
+// or the stream ends: NOT_FOUND where the map is deleted, UNAVAILABLE where the server stops. No
+// timeout.
 absl::Status WatchMap(const ClientOptions& client, const WatchOptions& options,
                       const WatchCallback& callback);
 

@@ -2,10 +2,16 @@
 # The Dockerfile's two stages in Debian roots made for the purpose, ending with a healthy server that
 # runs from the runtime stage's packages alone. Needs root and debootstrap; takes a network as apt has
 # it, and about 4 GB.
-#   docker/rehearse.sh [FOLDER]     (default: a temporary folder, removed at the end)
+#   docker/rehearse.sh [--built BUILD] [FOLDER]   (default: a temporary folder, removed at the end)
+# --built: the runtime stage alone, with what a build folder on Debian 12 has installed from.
 set -euo pipefail
 exec </dev/null
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+built=
+if [ "${1-}" = --built ]; then
+  built=$(cd "$2" && pwd)
+  shift 2
+fi
 if [ "$(id -u)" -ne 0 ] || ! command -v debootstrap >/dev/null; then
   echo "$0: needs root and debootstrap (apt-get install debootstrap)" >&2
   exit 2
@@ -44,18 +50,28 @@ inside() {  # stage command...
     chroot "$work/$stage" "$@"
 }
 
-new_stage build
-inside build bash /tmp/docker/install.sh runtime build
-mkdir -p "$work/build/source"
-git -C "$root" archive HEAD | tar -x -C "$work/build/source"
-echo "== building"
-inside build env CLEARANCE_BUILD_DIR=/build \
-  CLEARANCE_CMAKE_ARGS="-DCLEARANCE_TESTS=OFF -DCMAKE_INSTALL_PREFIX=/usr/local" \
-  bash /source/docker/build.sh >"$work/build.out" 2>"$work/build.err" || {
-  tail -n 30 "$work/build.err" >&2
-  exit 1
+build_stage() {
+  new_stage build
+  inside build bash /tmp/docker/install.sh runtime build
+  mkdir -p "$work/build/source"
+  git -C "$root" archive HEAD | tar -x -C "$work/build/source"
+  echo "== building"
+  inside build env CLEARANCE_BUILD_DIR=/build \
+    CLEARANCE_CMAKE_ARGS="-DCLEARANCE_TESTS=OFF -DCMAKE_INSTALL_PREFIX=/usr/local" \
+    bash /source/docker/build.sh >"$work/build.out" 2>"$work/build.err" || {
+    tail -n 30 "$work/build.err" >&2
+    exit 1
+  }
+  inside build env DESTDIR=/image cmake --install /build --strip >/dev/null
 }
-inside build env DESTDIR=/image cmake --install /build --strip >/dev/null
+if [ -n "$built" ]; then
+  mkdir -p "$work/build/image/usr/local/bin"
+  for program in clearance_server clearance; do
+    strip -o "$work/build/image/usr/local/bin/$program" "$built/bin/$program"
+  done
+else
+  build_stage
+fi
 
 new_stage runtime
 inside runtime bash /tmp/docker/install.sh runtime
@@ -65,7 +81,7 @@ cp "$root/server/config/default.yaml" "$work/runtime/etc/clearance/config.yaml"
 install -d -o 10001 -g 10001 "$work/runtime/data"
 
 echo "== serving as user 10001 from the runtime stage"
-env -i PATH=/usr/local/bin:/usr/bin:/bin chroot --userspec=10001:10001 "$work/runtime" \
+env -i PATH=/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin chroot --userspec=10001:10001 "$work/runtime" \
   clearance_server --config /etc/clearance/config.yaml --listen 127.0.0.1:0 --http off \
   --socket /tmp/clearance.sock >"$work/server.log" 2>&1 &
 server=$!

@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "server/engine/map_registry.h"
 #include "server/service/frame_codec.h"
 #include "server/service/http/http_server.h"
+#include "server/service/log.h"
 #include "server/service/server.h"
 
 namespace {
@@ -100,9 +102,52 @@ clearance::ServerOptions ServerOptionsOf(const clearance::ServerConfig& config) 
   options.worker_threads = config.worker_threads;
   options.worker_queue = config.worker_queue;
   options.limits.max_streams = config.max_streams;
+  options.limits.max_region_cells = config.max_region_cells;
+  options.limits.max_trajectories = config.max_trajectories;
+  options.limits.max_waypoints = config.max_waypoints;
+  options.limits.max_spheres = config.max_spheres;
+  options.limits.max_stream_requests = config.max_stream_requests;
+  options.limits.pins = {config.max_pins, config.pin_ttl_s, config.max_pin_ttl_s};
+  switch (config.log_calls) {
+    case clearance::ServerConfig::LogCalls::kNone:
+      options.log_calls = clearance::CallLogging::kNone;
+      break;
+    case clearance::ServerConfig::LogCalls::kFailed:
+      options.log_calls = clearance::CallLogging::kFailed;
+      break;
+    case clearance::ServerConfig::LogCalls::kAll:
+      options.log_calls = clearance::CallLogging::kAll;
+      break;
+  }
   options.drain_timeout = Milliseconds(config.drain_timeout_s);
   return options;
 }
+
+// How far the server has come: lines on stdout for whoever started it, or events of the JSON log.
+class Progress {
+ public:
+  explicit Progress(const clearance::ServerConfig& config)
+      : json_(config.log_format == clearance::ServerConfig::LogFormat::kJson) {
+    clearance::SetUpLog(json_ ? clearance::LogFormat::kJson : clearance::LogFormat::kText);
+  }
+  void Say(const std::string& what) const {
+    if (json_) {
+      clearance::Log(spdlog::level::info, what, nlohmann::ordered_json::object());
+    } else {
+      std::cout << what << std::endl;
+    }
+  }
+  void Warn(const std::string& what) const {
+    if (json_) {
+      clearance::Log(spdlog::level::warn, what, nlohmann::ordered_json::object());
+    } else {
+      std::cerr << "clearance_server: " << what << std::endl;
+    }
+  }
+
+ private:
+  const bool json_;
+};
 
 int Fail(const absl::Status& status, int code) {
   std::cerr << "clearance_server: " << status.message() << std::endl;
@@ -110,6 +155,7 @@ int Fail(const absl::Status& status, int code) {
 }
 
 int Serve(const clearance::ServerConfig& config, const sigset_t& stop_signals) {
+  const Progress progress(config);
   std::unique_ptr<clearance::DataDirectory> storage;
   if (!config.store.dir.empty()) {
     auto opened = clearance::DataDirectory::Open(StoreOptionsOf(config.store));
@@ -134,14 +180,10 @@ int Serve(const clearance::ServerConfig& config, const sigset_t& stop_signals) {
     }
     http = *std::move(started);
   }
-  for (const std::string& address : (*server)->addresses()) {
-    std::cout << "gRPC on " << address << "\n";
-  }
-  if (http) std::cout << "HTTP on " << http->address() << "\n";
-  std::cout << std::flush;
-  const absl::Status recovered = registry.Recover([](const std::string& note) {
-    std::cerr << "clearance_server: recovery: " << note << std::endl;
-  });
+  for (const std::string& address : (*server)->addresses()) progress.Say("gRPC on " + address);
+  if (http) progress.Say("HTTP on " + http->address());
+  const absl::Status recovered = registry.Recover(
+      [&progress](const std::string& note) { progress.Warn("recovery: " + note); });
   if (!recovered.ok()) {
     return Fail(recovered, absl::IsDataLoss(recovered) ? kBadData : kFailed);
   }
@@ -151,17 +193,17 @@ int Serve(const clearance::ServerConfig& config, const sigset_t& stop_signals) {
   }
   (*server)->Loaded();
   if (config.allow_remote_plaintext && config.tls_certificate.empty()) {
-    std::cerr << "warning: serving in plain text; whoever reaches an address above can read every "
-                 "call and every token"
-              << std::endl;
+    progress.Warn(
+        "warning: serving in plain text; whoever reaches an address above can read every call and "
+        "every token");
   }
-  std::cout << "ready" << std::endl;
+  progress.Say("ready");
 
   int signal = 0;
   sigwait(&stop_signals, &signal);
-  std::cout << "draining" << std::endl;
+  progress.Say("draining");
   const bool settled = (*server)->Drain();
-  std::cout << (settled ? "stopped" : "stopped; some frames were left unsettled") << std::endl;
+  progress.Say(settled ? "stopped" : "stopped; some frames were left unsettled");
   return kOk;
 }
 

@@ -32,6 +32,8 @@ if [ -d "$data/kitti_0005" ]; then
   done
   long "street replay" /usr/bin/python3 "$root/tests/store/measure.py" "$server" "$command" \
     "$data/street" --only replay --voxel 0.1
+  long "TLS" /usr/bin/python3 "$root/tests/service/load.py" "$server" "$command" \
+    "$data/kitti_0005" --only tls
   long "street big snapshot" /usr/bin/python3 "$root/tests/store/measure.py" "$server" \
     "$command" "$data/street" --only snapshot --voxel 0.1 --big
 fi

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_format.h"
 #include "absl/time/clock.h"
+#include "client/cli/bench_watch.h"
 #include "client/cli/latencies.h"
 #include "client/cli/print.h"
 #include "client/sequence/sequence.h"
@@ -288,6 +289,7 @@ void AddBench(CLI::App& app, Context& context) {
   frames->add_option("--max-distance-m", ingest->max_distance_m, "reach of the field")
       ->check(CLI::PositiveNumber);
   frames->add_flag("--keep", ingest->keep, "leave the map");
+  AddBenchWatch(*bench, context);
 }
 
 }  // namespace clearance::cli

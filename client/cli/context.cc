@@ -5,6 +5,7 @@
 #include <fstream>
 
 #include "absl/strings/str_format.h"
+#include "client/cli/connect.h"
 
 namespace clearance::cli {
 
@@ -33,21 +34,28 @@ int ExitCodeOf(const absl::Status& status) {
   }
 }
 
-absl::StatusOr<std::unique_ptr<client::EsdfClient>> Context::Connect() const {
+absl::StatusOr<client::ClientOptions> ClientOptionsOf(const Context& context) {
   client::ClientOptions options;
-  options.address = server;
-  options.map = map;
-  options.credentials = credentials;
-  if (!token_file.empty()) {
-    std::ifstream in(token_file);
+  options.address = context.server;
+  options.map = context.map;
+  options.credentials = context.credentials;
+  if (!context.token_file.empty()) {
+    std::ifstream in(context.token_file);
     if (!(in >> options.credentials.token)) {
       return absl::NotFoundError(
-          absl::StrFormat("--token-file %s: cannot be read, or is empty", token_file));
+          absl::StrFormat("--token-file %s: cannot be read, or is empty", context.token_file));
     }
   }
-  options.call_timeout = absl::Seconds(timeout_s);
-  options.connect_timeout = std::min(options.connect_timeout, absl::Seconds(timeout_s));
-  return client::EsdfClient::Connect(options);
+  const absl::Duration timeout = absl::Seconds(context.timeout_s);
+  options.call_timeout = timeout;
+  options.connect_timeout = std::min(options.connect_timeout, timeout);
+  return options;
+}
+
+absl::StatusOr<std::unique_ptr<client::EsdfClient>> Context::Connect() const {
+  const absl::StatusOr<client::ClientOptions> options = ClientOptionsOf(*this);
+  if (!options.ok()) return options.status();
+  return client::EsdfClient::Connect(*options);
 }
 
 absl::Status WriteFile(const std::string& path, std::string_view bytes) {

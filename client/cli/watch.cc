@@ -1,10 +1,10 @@
 // watch: what a map tells those who follow it, a line for each delta.
 #include "client/cli/watch.h"
 
-#include <algorithm>
 #include <iostream>
 
 #include "absl/strings/str_format.h"
+#include "client/cli/connect.h"
 #include "client/cli/print.h"
 #include "client/watch.h"
 
@@ -36,15 +36,13 @@ Json EventJson(const client::WatchEvent& event) {
 }
 
 absl::Status Watch(const Context& context, const Arguments& arguments) {
-  client::ClientOptions client;
-  client.address = context.server;
-  client.map = context.map;
-  client.connect_timeout = std::min(client.connect_timeout, absl::Seconds(context.timeout_s));
+  const absl::StatusOr<client::ClientOptions> client = ClientOptionsOf(context);
+  if (!client.ok()) return client.status();
   client::WatchOptions options;
   options.max_rate_hz = arguments.max_rate_hz;
   options.poses_only = arguments.poses_only;
   uint64_t told = 0;
-  return client::WatchMap(client, options, [&](const client::WatchEvent& event) {
+  return client::WatchMap(*client, options, [&](const client::WatchEvent& event) {
     if (context.json) {
       std::cout << EventJson(event).dump() << std::endl;
     } else {

@@ -118,6 +118,32 @@ std::string ReadSync(const YAML::Node& node, ServerConfig* config) {
   return "";
 }
 
+std::string ReadLogFormat(const YAML::Node& node, ServerConfig* config) {
+  const std::string value = node.IsScalar() ? node.Scalar() : "";
+  if (value == "text") {
+    config->log_format = ServerConfig::LogFormat::kText;
+  } else if (value == "json") {
+    config->log_format = ServerConfig::LogFormat::kJson;
+  } else {
+    return "text or json";
+  }
+  return "";
+}
+
+std::string ReadLogCalls(const YAML::Node& node, ServerConfig* config) {
+  const std::string value = node.IsScalar() ? node.Scalar() : "";
+  if (value == "none") {
+    config->log_calls = ServerConfig::LogCalls::kNone;
+  } else if (value == "failed") {
+    config->log_calls = ServerConfig::LogCalls::kFailed;
+  } else if (value == "all") {
+    config->log_calls = ServerConfig::LogCalls::kAll;
+  } else {
+    return "none, failed or all";
+  }
+  return "";
+}
+
 }  // namespace
 
 // A key is its section and the name of the member that it sets.
@@ -143,6 +169,8 @@ const std::vector<ConfigKey>& AllConfigKeys() {
       CLEARANCE_KEY(Count, server, worker_threads),
       CLEARANCE_KEY(Count, server, worker_queue),
       CLEARANCE_KEY(Number, server, drain_timeout_s),
+      {"log.format", ReadLogFormat},
+      {"log.calls", ReadLogCalls},
       {"security.certificate", Text([](ServerConfig * c) -> auto& { return c->tls_certificate; })},
       {"security.key", Text([](ServerConfig * c) -> auto& { return c->tls_key; })},
       {"security.client_ca", Text([](ServerConfig * c) -> auto& { return c->tls_client_ca; })},
@@ -155,6 +183,14 @@ const std::vector<ConfigKey>& AllConfigKeys() {
       CLEARANCE_KEY(Count, limits, max_image_pixels),
       CLEARANCE_KEY(Count, limits, max_motions),
       CLEARANCE_KEY(Number, limits, max_wait_s),
+      CLEARANCE_KEY(Count, limits, max_region_cells),
+      CLEARANCE_KEY(Count, limits, max_trajectories),
+      CLEARANCE_KEY(Count, limits, max_waypoints),
+      CLEARANCE_KEY(Count, limits, max_spheres),
+      CLEARANCE_KEY(Count, limits, max_stream_requests),
+      CLEARANCE_KEY(Count, limits, max_pins),
+      CLEARANCE_KEY(Number, limits, pin_ttl_s),
+      CLEARANCE_KEY(Number, limits, max_pin_ttl_s),
       CLEARANCE_KEY(Count, limits, memory_limit_bytes),
       CLEARANCE_KEY(Flag, limits, evict_over_memory),
       CLEARANCE_KEY(Count, limits, max_streams),

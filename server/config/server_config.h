@@ -22,6 +22,12 @@ struct ServerConfig {
   int worker_queue = 256;                                 // calls that may wait for them
   double drain_timeout_s = 8.0;
 
+  // log, on stderr
+  enum class LogFormat { kText, kJson };
+  enum class LogCalls { kNone, kFailed, kAll };
+  LogFormat log_format = LogFormat::kText;
+  LogCalls log_calls = LogCalls::kFailed;
+
   // security: paths of PEM files for TLS on the TCP addresses, and who may do what
   std::string tls_certificate, tls_key;
   std::string tls_client_ca;  // set: clients must show a certificate
@@ -36,6 +42,14 @@ struct ServerConfig {
   uint64_t max_image_pixels = 4'000'000;
   uint64_t max_motions = 4096;
   double max_wait_s = 60.0;
+  uint64_t max_region_cells = 64'000'000;
+  uint64_t max_trajectories = 10'000;
+  uint64_t max_waypoints = 100'000;  // of all trajectories of a call
+  uint64_t max_spheres = 1'000;
+  uint64_t max_stream_requests = 32;  // of a QueryStream, read and not yet answered
+  uint64_t max_pins = 64;             // of one map
+  double pin_ttl_s = 10;              // where the request leaves it open
+  double max_pin_ttl_s = 120;
 
   // ingest
   uint64_t queue_frames = 8;    // frames with points that wait, a map

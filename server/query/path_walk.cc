@@ -76,8 +76,7 @@ Eigen::AlignedBox3d PathGeometry::Box(double reach_m) const {
 
 PathWalk::PathWalk(const MapView& view, const ObjectIndex& index, ClearanceProbe* probe,
                    const CheckOptions& options)
-    : view_(view),
-      index_(index),
+    : index_(index),
       probe_(probe),
       options_(options),
       enabled_(EnabledEntries(index, options.layers)),

@@ -95,7 +95,6 @@ class PathWalk {
   bool Accept(const Verdict& verdict, const Sweep& sweep, const Sample& a, const Sample& b,
               double need_m) const;
 
-  const MapView& view_;
   const ObjectIndex& index_;
   ClearanceProbe* const probe_;
   const CheckOptions& options_;

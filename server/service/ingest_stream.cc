@@ -234,13 +234,6 @@ void IngestStream::OnReadDone(bool ok) {
 
 absl::Status IngestStream::OpenFrom(const v1::IngestFramesRequest& request) {
   if (service_->draining) return DrainingError();
-  if (service_->open_streams > static_cast<int64_t>(service_->limits.max_streams)) {
-    return wire::WithRetry(
-        absl::ResourceExhaustedError(absl::StrFormat(
-            "%d streams are open already, limit %d; close one, or raise limits.max_streams",
-            service_->limits.max_streams, service_->limits.max_streams)),
-        absl::Seconds(1));
-  }
   if (!request.has_open()) {
     return wire::InvalidField("message", -1, request.has_frame() ? "frame" : "nothing",
                               "open as the first message");

@@ -49,7 +49,7 @@ struct ClearanceServer::Services {
         admin(context),
         watch(context),
         snapshot(context, &sessions, serving_changed),
-        gates(context->access, this) {}
+        gates(context, this) {}
 
   std::array<grpc::Service*, 7> All() {
     return {&gates.ingest, &gates.query, &gates.map,     &gates.exports,
@@ -67,14 +67,14 @@ struct ClearanceServer::Services {
 
   // What the transport sees.
   struct Gates {
-    Gates(const Access* access, Services* inner)
-        : ingest(access, &inner->ingest),
-          query(access, &inner->query),
-          map(access, &inner->map),
-          exports(access, &inner->exports),
-          admin(access, &inner->admin),
-          watch(access, &inner->watch),
-          snapshot(access, &inner->snapshot) {}
+    Gates(const ServiceContext* context, Services* inner)
+        : ingest(context, &inner->ingest),
+          query(context, &inner->query),
+          map(context, &inner->map),
+          exports(context, &inner->exports),
+          admin(context, &inner->admin),
+          watch(context, &inner->watch),
+          snapshot(context, &inner->snapshot) {}
     IngestGate ingest;
     QueryGate query;
     MapGate map;
@@ -147,6 +147,9 @@ absl::Status ClearanceServer::Listen() {
     builder.AddListeningPort("unix:" + options_.socket, grpc::InsecureServerCredentials());
   }
   for (grpc::Service* service : services_->All()) builder.RegisterService(service);
+  std::vector<std::unique_ptr<grpc::experimental::ServerInterceptorFactoryInterface>> creators;
+  creators.push_back(CallLogFactory(options_.log_calls));
+  builder.experimental().SetInterceptorCreators(std::move(creators));
   services_->grpc = builder.BuildAndStart();
   if (!services_->grpc) {
     return absl::UnavailableError("cannot start the gRPC server: an address could not be bound");

@@ -8,6 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "server/service/access/tls.h"
+#include "server/service/call_log.h"
 #include "server/service/service_context.h"
 
 namespace grpc {
@@ -21,6 +22,7 @@ struct ServerOptions {
   std::string socket;               // path of a unix socket; empty = none
   TlsFiles tls;                     // of the TCP addresses
   std::string access_file;          // empty = whoever can connect may do everything
+  CallLogging log_calls = CallLogging::kNone;
   ServiceLimits limits;
   int worker_threads = 2;
   size_t worker_queue = 256;

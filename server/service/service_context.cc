@@ -1,5 +1,6 @@
 #include "server/service/service_context.h"
 
+#include "absl/strings/str_format.h"
 #include "proto/wire/status_details.h"
 
 namespace clearance {
@@ -25,6 +26,16 @@ std::vector<CallStats::Entry> CallStats::Counts() const {
 absl::Status DrainingError() {
   return wire::WithRetry(absl::UnavailableError("the server is draining; connect again"),
                          absl::Seconds(1));
+}
+
+absl::Status CheckRoomForStream(const ServiceContext& service) {
+  const uint64_t limit = service.limits.max_streams;
+  if (service.open_streams < static_cast<int64_t>(limit)) return absl::OkStatus();
+  return wire::WithRetry(
+      absl::ResourceExhaustedError(absl::StrFormat(
+          "%d streams are open already, limit %d; close one, or raise limits.max_streams",
+          service.open_streams.load(), limit)),
+      absl::Seconds(1));
 }
 
 }  // namespace clearance

@@ -82,5 +82,8 @@ struct ServiceContext {
 
 // UNAVAILABLE with RetryInfo: what every call answers while the server drains.
 absl::Status DrainingError();
+// RESOURCE_EXHAUSTED with RetryInfo where max_streams are open. Streams that begin at the same
+// moment may exceed it by the number of threads that take them.
+absl::Status CheckRoomForStream(const ServiceContext& service);
 
 }  // namespace clearance

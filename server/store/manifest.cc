@@ -11,6 +11,20 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+// Deeper than any document of ours: dump() recurses, and a damaged one must not end the process.
+constexpr int kMaxDepth = 16;
+
+// Discarded where `text` is no JSON or too deep.
+Json ParseShallow(std::string_view text) {
+  bool too_deep = false;
+  const auto check = [&too_deep](int depth, Json::parse_event_t, Json&) {
+    too_deep |= depth > kMaxDepth;
+    return !too_deep;
+  };
+  Json document = Json::parse(text, check, /*allow_exceptions=*/false);
+  return too_deep ? Json(Json::value_t::discarded) : document;
+}
+
 }  // namespace
 
 uint64_t SnapshotManifest::total_bytes() const {
@@ -39,7 +53,7 @@ std::string SealJson(std::string_view what, std::string_view content) {
 
 absl::StatusOr<std::string> OpenSealedJson(std::string_view what, std::string_view text,
                                            uint32_t newest_version) {
-  const Json document = Json::parse(text, nullptr, /*allow_exceptions=*/false);
+  const Json document = ParseShallow(text);
   const std::string key(what);
   if (!document.is_object() || !document.contains(key) || !document[key].is_object() ||
       !document.contains("crc32c") || !document["crc32c"].is_string()) {

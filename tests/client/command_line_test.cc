@@ -56,6 +56,8 @@ TEST(CommandLine, WrongUseEndsWithTwoAndSaysWhatIsWrong) {
                                 "bench query --bounds 1 2 3",
                                 "bench query --rate -1",
                                 "bench ingest",
+                                "bench watch --clients 0",
+                                "bench watch --max-rate -1",
                                 "map",
                                 "map create a --bounds 1 2 3",
                                 "map edit --action burn",

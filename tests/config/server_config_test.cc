@@ -48,6 +48,35 @@ TEST(ServerConfig, AnUnknownKeyIsAnErrorWithItsLineAndASuggestion) {
               AllOf(HasSubstr("server.yaml:2:"), ::testing::Not(HasSubstr("did you mean"))));
 }
 
+TEST(ServerConfig, LimitsOfChecksStreamsAndPinsAreKeys) {
+  ServerConfig config;
+  ASSERT_TRUE(ApplyYaml("limits:\n  max_trajectories: 7\n  max_waypoints: 70\n  max_spheres: 8\n"
+                        "  max_region_cells: 900\n  max_stream_requests: 3\n  max_pins: 2\n"
+                        "  pin_ttl_s: 1.5\n  max_pin_ttl_s: 4\n",
+                        "server.yaml", &config)
+                  .ok());
+  EXPECT_TRUE(config.Validate().ok());
+  EXPECT_EQ(config.max_trajectories, 7u);
+  EXPECT_EQ(config.max_waypoints, 70u);
+  EXPECT_EQ(config.max_spheres, 8u);
+  EXPECT_EQ(config.max_region_cells, 900u);
+  EXPECT_EQ(config.max_stream_requests, 3u);
+  EXPECT_EQ(config.max_pins, 2u);
+  EXPECT_EQ(config.pin_ttl_s, 1.5);
+  EXPECT_EQ(config.max_pin_ttl_s, 4);
+  config.pin_ttl_s = 5;  // beyond the largest
+  EXPECT_THAT(std::string(config.Validate().message()), HasSubstr("limits.pin_ttl_s"));
+}
+
+TEST(ServerConfig, TheLogsFormatAndCallsAreKeys) {
+  ServerConfig config;
+  ASSERT_TRUE(ApplyYaml("log: {format: json, calls: all}", "server.yaml", &config).ok());
+  EXPECT_EQ(config.log_format, ServerConfig::LogFormat::kJson);
+  EXPECT_EQ(config.log_calls, ServerConfig::LogCalls::kAll);
+  EXPECT_THAT(ErrorOf("log:\n  format: xml\n"), HasSubstr("text or json"));
+  EXPECT_THAT(ErrorOf("log:\n  calls: some\n"), HasSubstr("none, failed or all"));
+}
+
 TEST(ServerConfig, WrongTypesRepeatsAndSyntaxErrorsNameTheirLine) {
   EXPECT_THAT(ErrorOf("map:\n  voxel_size_m: big\n"),
               AllOf(HasSubstr("server.yaml:2: map.voxel_size_m: got 'big', expected a number")));

@@ -57,6 +57,18 @@ TEST(Manifest, NoFlippedBitChangesWhatItSays) {
   }
 }
 
+TEST(Manifest, DepthThatNoManifestHasIsDataLossAndNoStackOverflow) {
+  for (const std::string open : {"[", "{\"a\":"}) {
+    std::string deep = "{\"snapshot\": {\"a\": ";
+    for (int i = 0; i < 300'000; ++i) deep += open;
+    EXPECT_TRUE(absl::IsDataLoss(DecodeManifest(deep).status()));
+    deep += "1";
+    for (int i = 0; i < 300'000; ++i) deep += open == "[" ? "]" : "}";
+    deep += "}, \"crc32c\": \"00000000\"}";
+    EXPECT_TRUE(absl::IsDataLoss(DecodeManifest(deep).status()));
+  }
+}
+
 TEST(Manifest, EveryTruncationIsDataLoss) {
   const std::string text = EncodeManifest(Example());
   for (size_t size = 0; size + 2 < text.size(); ++size) {

@@ -12,20 +12,28 @@
 #include "clearance/v1/watch.grpc.pb.h"
 #include "server/service/access/access.h"
 #include "server/service/access/refusal.h"
+#include "server/service/service_context.h"
 
 namespace clearance {
 
 // A service that asks Access first and then passes the call on to `inner`. An RPC that is not
 // listed below answers UNIMPLEMENTED: nothing is open by omission. Streams whose messages name
-// their map are let in with the right on some map; their handlers check each map.
+// their map are let in with the right on some map; their handlers check each map. Streams of every
+// kind need room, too: limits.max_streams.
 template <typename Service>
 class ServiceGate : public Service::CallbackService {
  public:
-  ServiceGate(const Access* access, typename Service::CallbackService* inner)
-      : access_(access), inner_(inner) {}
+  ServiceGate(const ServiceContext* service, typename Service::CallbackService* inner)
+      : service_(service), inner_(inner) {}
 
  protected:
-  const Access* const access_;
+  absl::Status CheckStream(const grpc::ServerContextBase& context, Right right,
+                           const auto& scope) const {
+    if (absl::Status s = service_->access->Check(context, right, scope); !s.ok()) return s;
+    return CheckRoomForStream(*service_);
+  }
+
+  const ServiceContext* const service_;
   typename Service::CallbackService* const inner_;
 };
 
@@ -33,21 +41,21 @@ class ServiceGate : public Service::CallbackService {
   grpc::ServerUnaryReactor* Rpc(grpc::CallbackServerContext* context,                         \
                                 const v1::Rpc##Request* request, v1::Rpc##Response* response) \
       override {                                                                              \
-    const absl::Status allowed = access_->Check(*context, Right::right, scope);               \
+    const absl::Status allowed = service_->access->Check(*context, Right::right, scope);      \
     if (!allowed.ok()) return RefuseUnary(context, allowed);                                  \
     return inner_->Rpc(context, request, response);                                           \
   }
 #define CLEARANCE_WRITES(Rpc, right, scope)                                                    \
   grpc::ServerWriteReactor<v1::Rpc##Response>* Rpc(grpc::CallbackServerContext* context,       \
                                                    const v1::Rpc##Request* request) override { \
-    const absl::Status allowed = access_->Check(*context, Right::right, scope);                \
+    const absl::Status allowed = CheckStream(*context, Right::right, scope);                   \
     if (!allowed.ok()) return RefuseWrites<v1::Rpc##Response>(allowed);                        \
     return inner_->Rpc(context, request);                                                      \
   }
 #define CLEARANCE_STREAM(Rpc, right, scope)                                               \
   grpc::ServerBidiReactor<v1::Rpc##Request, v1::Rpc##Response>* Rpc(                      \
       grpc::CallbackServerContext* context) override {                                    \
-    const absl::Status allowed = access_->Check(*context, Right::right, scope);           \
+    const absl::Status allowed = CheckStream(*context, Right::right, scope);              \
     if (!allowed.ok()) return RefuseStream<v1::Rpc##Request, v1::Rpc##Response>(allowed); \
     return inner_->Rpc(context);                                                          \
   }
