@@ -63,6 +63,8 @@ constexpr uint8_t kFreeAgainstGuess = 3;
 
 // Deeper behind a surface, observations are guesses.
 constexpr float kSeenDepthVoxels = 0.5f;
+// An observation in front of a surface of at least this weight overrules them.
+constexpr float kSeenWeight = 0.2f;
 
 uint8_t Increment(uint8_t count) { return count < kSaturatedFrames ? count + 1 : count; }
 
@@ -176,6 +178,10 @@ class BlockFuser {
         Confirm(w, o);
       } else {
         if (w.evidence && weight < kGuessWeight && OverruledByRays(o, d)) continue;
+        // What was seen in front of a surface is no guess, what is stored so deep behind one is.
+        if (d > 0.f && weight >= kSeenWeight && mean_[o] < -kSeenDepthVoxels * voxel_size_m_) {
+          weight_[o] = 0.f;
+        }
         // Eq. (5): running weighted mean; the cap keeps old surface movable.
         mean_[o] = (weight_[o] * mean_[o] + weight * d) / (weight_[o] + weight);
         weight_[o] = std::min(weight_[o] + weight, options_.max_weight);
