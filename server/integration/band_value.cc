@@ -16,7 +16,7 @@ constexpr float kDeepest = 1.75f;       // what lies deeper behind a surface say
 constexpr float kDeepestAtEdge = 0.6f;  // behind a silhouette the surface turns away or ends
 
 constexpr float kGuessDepth = 0.5f;
-constexpr float kGuessAgainstSeen = 0.f;  // factor
+constexpr float kGuessAgainstSeen = 0.02f;  // factor
 constexpr float kMostGuessed = 2.f;        // weight
 
 float Signed(bool outside, float distance_m) { return outside ? distance_m : -distance_m; }

@@ -64,7 +64,7 @@ constexpr uint8_t kFreeAgainstGuess = 3;
 // Deeper behind a surface, observations are guesses.
 constexpr float kSeenDepthVoxels = 0.5f;
 // An observation in front of a surface of at least this weight overrules them.
-constexpr float kSeenWeight = 0.2f;
+constexpr float kSeenWeight = 0.4f;
 
 uint8_t Increment(uint8_t count) { return count < kSaturatedFrames ? count + 1 : count; }
 

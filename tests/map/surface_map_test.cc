@@ -60,7 +60,8 @@ TEST(SurfaceMap, FusesByTheRunningWeightedMeanUpToTheCap) {
   const FusionOptions options;
   SurfaceMap map(0.1);
   std::mt19937 rng(2);
-  std::uniform_real_distribution<float> distance(-0.2f, 0.2f), weight(0.05f, 1.f);
+  // Deeper than half a voxel behind a surface a mean is a guess, which what is seen overrules.
+  std::uniform_real_distribution<float> distance(-0.05f, 0.2f), weight(0.05f, 1.f);
   std::uniform_int_distribution<int> index(-20, 20);
   std::map<std::tuple<int, int, int>, std::pair<double, double>> truth;  // sum w d, sum w
   for (int frame = 0; frame < 15; ++frame) {
@@ -82,6 +83,26 @@ TEST(SurfaceMap, FusesByTheRunningWeightedMeanUpToTheCap) {
     EXPECT_NEAR(MeanAt(map, v), sums.first / sums.second, 1e-5);
     EXPECT_NEAR(WeightAt(map, v), sums.second, 1e-4);
   }
+}
+
+TEST(SurfaceMap, WhatWasSeenOutweighsGuessesFromBehind) {
+  const FusionOptions options;
+  SurfaceMap map(0.1);
+  const std::tuple<int, int, int> key{-3, 5, -9};
+  const VoxelIndex v(-3, 5, -9);
+  const auto see = [&](float d, float weight) {
+    SurfaceUpdate update;
+    update.band = BandOf({{key, {d, weight}}});
+    map.Apply(update, options);
+  };
+  see(-0.12f, 2.f);
+  see(0.03f, 0.1f);
+  EXPECT_LT(MeanAt(map, v), -0.1) << "too weak to tell";
+  see(0.03f, 0.5f);
+  EXPECT_FLOAT_EQ(MeanAt(map, v), 0.03f);
+  EXPECT_FLOAT_EQ(WeightAt(map, v), 0.5f);
+  see(-0.04f, 0.5f);
+  EXPECT_NEAR(MeanAt(map, v), -0.005, 1e-6) << "a look at the surface itself is no guess";
 }
 
 TEST(SurfaceMap, CapLetsASurfaceMove) {
